@@ -1,0 +1,61 @@
+"""Lamps: what each sends to a point when nothing is in the way, and where on it a shadow ray should end.
+
+Every lamp answers the same two questions, for any list of points:
+
+    irradiance(points, normals)          the unoccluded irradiance in closed form, or None if it has none
+    sample(points, normals, uv)          directions, distances and weights of shadow rays, so that the mean of
+                                         weight * visible, times `colour`, is the irradiance
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any, Protocol, runtime_checkable
+
+import numpy as np
+from numpy.typing import NDArray
+
+Float = NDArray[np.floating[Any]]
+
+
+@dataclass(frozen=True, eq=False)
+class LightSample:
+    """Shadow rays towards a lamp.
+
+    direction : (n, 3) float32, unit, from the point towards the lamp.
+    distance : (n,) float32, metres; inf for a sun.
+    weight : (n,) float32 >= 0, the integrand over its probability density: mean(weight * visible) * colour is
+        the irradiance (W/m2). Zero where the lamp is behind the surface or the surface is behind the lamp.
+    """
+
+    direction: Float
+    distance: Float
+    weight: Float
+
+
+@runtime_checkable
+class Light(Protocol):
+    """A lamp."""
+
+    name: str
+
+    @property
+    def colour(self) -> Float:
+        """(3,) float32: what weights are multiplied by, W/m2."""
+        ...
+
+    def power(self) -> Float:
+        """(3,) float32: flux that leaves the lamp, W; a sun's is its irradiance times the scene's disc (nan)."""
+        ...
+
+    def irradiance(self, points: Float, normals: Float) -> Float | None:
+        """Unoccluded irradiance (n, 3) float32, W/m2, in closed form; None where there is none."""
+        ...
+
+    def sample(self, points: Float, normals: Float, uv: Float) -> LightSample:
+        """One shadow ray a point, at `uv` (n, 2) in [0, 1)^2 of the lamp's surface."""
+        ...
+
+    def translated(self, offset: Float) -> Light:
+        """The same lamp, moved by (3,) metres."""
+        ...

@@ -1,0 +1,218 @@
+"""The scene as the solver sees it: frozen arrays, validated once, trusted afterwards.
+
+Nothing here knows Blender, and nothing on this side knows where a lumel lies in an image except
+`Surface.lightmap_uv`, which only the receivers read.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from .errors import SceneError
+from .lights import Light
+
+Float = NDArray[np.floating[Any]]
+
+
+@dataclass(frozen=True, eq=False)
+class Texture:
+    """An image in linear light, repeated in both directions, looked up with bilinear filtering.
+
+    Parameters
+    ----------
+    pixels : (height, width, 3) float32; row 0 is v = 0 (the bottom), as Blender keeps images.
+    name : for messages.
+    """
+
+    pixels: Float
+    name: str = "texture"
+
+    def __post_init__(self) -> None:
+        pixels = np.ascontiguousarray(self.pixels, np.float32)
+        if pixels.ndim != 3 or pixels.shape[2] != 3 or 0 in pixels.shape:
+            raise SceneError(f"texture {self.name!r} has shape {pixels.shape}: give (height, width, 3)")
+        if not np.isfinite(pixels).all() or pixels.min() < 0:
+            raise SceneError(f"texture {self.name!r} has a value that is negative or not finite: mend the image")
+        object.__setattr__(self, "pixels", _frozen(pixels))
+
+
+@dataclass(frozen=True, eq=False)
+class Sky:
+    """The light from where no surface is: radiance by direction.
+
+    Parameters
+    ----------
+    radiance : (3,) for a constant sky, or (height, width, 3) for an equirectangular map whose row 0 looks
+        straight down (-z) and whose middle column looks along -y, as Blender lays environment maps out:
+        u = .5 - atan2(x, -y) / (2 pi) ... see `solver.sky`. W / (m2 sr).
+    """
+
+    radiance: Float = field(default_factory=lambda: np.zeros(3, np.float32))
+
+    def __post_init__(self) -> None:
+        radiance = np.array(self.radiance, np.float32)
+        if radiance.shape != (3,) and (radiance.ndim != 3 or radiance.shape[2] != 3 or 0 in radiance.shape):
+            raise SceneError(f"sky radiance has shape {radiance.shape}: give (3,) or (height, width, 3)")
+        if not np.isfinite(radiance).all() or radiance.min() < 0:
+            raise SceneError("the sky's radiance is negative or not finite: check the world's colour and strength")
+        object.__setattr__(self, "radiance", _frozen(radiance))
+
+    @property
+    def is_black(self) -> bool:
+        """Whether no light comes from the sky."""
+        return not self.radiance.any()
+
+
+@dataclass(frozen=True, eq=False)
+class Surface:
+    """One object: a run of the scene's triangles that is baked together.
+
+    Parameters
+    ----------
+    name : the object's name, as messages and the report call it.
+    first, count : its triangles are `first ... first + count - 1`.
+    lightmap_uv : (count, 3, 2) float32, the corners' coordinates in the user's lightmap UV, or None to unwrap.
+    receives : whether it gets lumels; if not it still blocks, reflects and emits.
+    density : factor on the texel density of this object.
+    corner_ids : (count, 3) int32, for every triangle corner the index of the mesh's own corner (loop); None
+        counts 0 ... 3 count - 1. Written back by the vertex target.
+    """
+
+    name: str
+    first: int
+    count: int
+    lightmap_uv: Float | None = None
+    receives: bool = True
+    density: float = 1.0
+    corner_ids: NDArray[np.int32] | None = None
+
+    def __post_init__(self) -> None:
+        if self.lightmap_uv is not None:
+            uv = np.ascontiguousarray(self.lightmap_uv, np.float32)
+            if uv.shape != (self.count, 3, 2):
+                raise SceneError(f"object {self.name!r}: lightmap_uv has shape {uv.shape}, not ({self.count}, 3, 2)")
+            if not np.isfinite(uv).all():
+                raise SceneError(f"object {self.name!r}: its lightmap UV holds a value that is not finite: unwrap again")
+            object.__setattr__(self, "lightmap_uv", _frozen(uv))
+
+    @property
+    def triangles(self) -> slice:
+        """The object's triangles in the scene's arrays."""
+        return slice(self.first, self.first + self.count)
+
+
+@dataclass(frozen=True, eq=False)
+class Scene:
+    """Triangles with reflectance and emission, lamps and a sky. Both sides of a triangle reflect and emit.
+
+    Parameters
+    ----------
+    vertices : (v, 3) float64, metres, world space.
+    triangles : (t, 3) int32 indices; counter-clockwise seen from the front.
+    reflectance : diffuse reflectance rho in [0, 1]: a number, (3,), (t,) or (t, 3); kept as (t, 3) float32.
+    emission : radiant exitance of each side, W/m2 (radiance times pi): shaped the same; kept as (t, 3) float32.
+    corner_normals : (t, 3, 3) float32 unit shading normals at the corners, or None for flat triangles.
+    uv : (t, 3, 2) float32 texture coordinates, or None.
+    textures : images that `reflectance_texture` and `emission_texture` point to.
+    reflectance_texture, emission_texture : (t,) int32 index into `textures`, -1 for none; what the texture says
+        is multiplied by `reflectance` or `emission`.
+    material : (t,) int32 index into `material_names`, for messages; None where nothing is known.
+    lights : lamps (see `solver.lights`).
+    sky : light from outside.
+    surfaces : the objects, in the order of their triangles; empty means one object called "scene".
+
+    Raises
+    ------
+    SceneError
+        If a shape, an index, or a value (not finite, negative, reflectance above 1) can't be used.
+    """
+
+    vertices: Float
+    triangles: NDArray[np.integer[Any]]
+    reflectance: ArrayLike = 0.5
+    emission: ArrayLike = 0.0
+    corner_normals: Float | None = None
+    uv: Float | None = None
+    textures: tuple[Texture, ...] = ()
+    reflectance_texture: NDArray[np.integer[Any]] | None = None
+    emission_texture: NDArray[np.integer[Any]] | None = None
+    material: NDArray[np.integer[Any]] | None = None
+    material_names: tuple[str, ...] = ()
+    lights: Sequence[Light] = ()
+    sky: Sky = field(default_factory=Sky)
+    surfaces: tuple[Surface, ...] = ()
+
+    def __post_init__(self) -> None:
+        put = lambda name, value: object.__setattr__(self, name, value)  # noqa: E731
+        vertices = np.array(self.vertices, np.float64)
+        triangles = np.array(self.triangles, np.int32)
+        if vertices.ndim != 2 or vertices.shape[1] != 3:
+            raise SceneError(f"vertices have shape {vertices.shape}: give (v, 3)")
+        if triangles.ndim != 2 or triangles.shape[1] != 3:
+            raise SceneError(f"triangles have shape {triangles.shape}: give (t, 3)")
+        if not np.isfinite(vertices).all():
+            row = int(np.flatnonzero(~np.isfinite(vertices).all(axis=1))[0])
+            raise SceneError(f"vertex {row} is at {vertices[row].tolist()}: every coordinate must be finite")
+        if triangles.size and not (0 <= triangles.min() and triangles.max() < len(vertices)):
+            raise SceneError(f"triangles point to vertices {triangles.min()} ... {triangles.max()} of {len(vertices)}")
+        count = len(triangles)
+        put("vertices", _frozen(vertices))
+        put("triangles", _frozen(triangles))
+        put("reflectance", _frozen(_per_triangle("reflectance", self.reflectance, count)))
+        put("emission", _frozen(_per_triangle("emission", self.emission, count)))
+        if self.reflectance.size and self.reflectance.max() > 1:  # type: ignore[union-attr]
+            triangle = int(np.argmax(self.reflectance.max(axis=1)))  # type: ignore[union-attr]
+            raise SceneError(f"{self._whose(triangle)}: reflectance {self.reflectance[triangle].tolist()} is above 1")  # type: ignore[index]
+        for name, shape in (("corner_normals", (count, 3, 3)), ("uv", (count, 3, 2))):
+            value = getattr(self, name)
+            if value is not None:
+                array = np.ascontiguousarray(value, np.float32)
+                if array.shape != shape or not np.isfinite(array).all():
+                    raise SceneError(f"{name} has shape {array.shape} or is not finite: give {shape}, finite")
+                put(name, _frozen(array))
+        for name, limit in (("reflectance_texture", len(self.textures)), ("emission_texture", len(self.textures)),
+                            ("material", len(self.material_names))):
+            value = getattr(self, name)
+            array = np.full(count, -1, np.int32) if value is None else np.ascontiguousarray(value, np.int32)
+            if array.shape != (count,) or (count and not (-1 <= array.min() and array.max() < limit)):
+                raise SceneError(f"{name} must be ({count},) with values from -1 to {limit - 1}")
+            put(name, _frozen(array))
+        put("lights", tuple(self.lights))
+        surfaces = tuple(self.surfaces) or (Surface("scene", 0, count),)
+        if sum(surface.count for surface in surfaces) != count:
+            raise SceneError(f"the surfaces cover {sum(s.count for s in surfaces)} of {count} triangles")
+        put("surfaces", surfaces)
+
+    def _whose(self, triangle: int) -> str:
+        material = int(self.material[triangle]) if self.material is not None else -1
+        return f"material {self.material_names[material]!r}" if material >= 0 else f"triangle {triangle}"
+
+    @property
+    def origin(self) -> Float:
+        """(3,) float64: the point that the solver moves to zero, so that float32 keeps its digits."""
+        if not len(self.vertices):
+            return np.zeros(3)
+        return np.asarray((self.vertices.min(axis=0) + self.vertices.max(axis=0)) / 2)
+
+
+def _per_triangle(name: str, value: ArrayLike, count: int) -> Float:
+    array = np.asarray(value, np.float32)
+    if array.shape == (count,) and count != 3:
+        array = array[:, None]
+    try:
+        array = np.broadcast_to(array, (count, 3))
+    except ValueError:
+        raise SceneError(f"{name} has shape {array.shape}: give a number, (3,), ({count},) or ({count}, 3)") from None
+    if not np.isfinite(array).all() or (count and array.min() < 0):
+        raise SceneError(f"{name} holds a value that is negative or not finite: give finite values from 0")
+    return np.array(array, np.float32)
+
+
+def _frozen(array: Any) -> Any:
+    array.flags.writeable = False
+    return array
