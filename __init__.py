@@ -62,7 +62,7 @@ def _register_notice(missing: tuple[str, ...]) -> None:
 
     lines = notice_lines(missing)
 
-    class RADIOSITY_AP_missing_wheels(bpy.types.AddonPreferences):  # type: ignore[misc]
+    class RADIOSITY_AP_missing_wheels(bpy.types.AddonPreferences):
         """Stands in for the extension's preferences while a wheel is missing."""
 
         bl_idname = __package__
