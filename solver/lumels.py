@@ -1,0 +1,200 @@
+"""Texels become receivers: every texel whose centre a triangle covers gets a position, a normal and a footprint."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .components import components, shared_edges
+from .errors import NothingToBake
+from .layout import Layout, flat_triangles, make_layout
+from .raster import Coverage, holds_centre, rasterise, to_texels
+from .receivers import Lumels, Receivers
+from .scene import Scene
+from .settings import Settings
+
+Float = NDArray[np.floating[Any]]
+Int = NDArray[np.integer[Any]]
+Warnings = list[dict[str, Any]]
+
+# Lumels handled at once: about 100 MB of temporary arrays.
+CHUNK = 1 << 18
+# Part of an object's lumels that may be claimed twice before it is told, a fraction: UV maps made by hand touch.
+OVERLAP_TOLERANCE = 1e-3
+# How far a UV may leave [0, 1] before it is told.
+OUTSIDE_TOLERANCE = 1e-4
+# Layout coordinates that differ by less are one, for what hangs together (a quarter of a texel at 16,384).
+UV_WELD = 2.0**-16
+
+
+def lumels(scene: Scene, settings: Settings, warnings: Warnings, progress: Any = None) -> Lumels:
+    """Lay out all receiving objects and list the lumels.
+
+    Parameters
+    ----------
+    scene, settings : see there.
+    warnings : a list that gets a dict {object, code, message} for each thing the user should know: `uv_overlap`,
+        `uv_outside`, `zero_area`, `no_lumels`.
+    progress : callable(fraction) or None; what it raises (`Cancelled`) ends the work.
+
+    Raises
+    ------
+    NothingToBake
+        If no object receives light.
+    UnwrapError
+        If no layout can be made.
+    """
+    layout = make_layout(scene, settings, warnings, progress)
+    flat = flat_triangles(scene)
+    corners, members = _by_page(scene, layout)
+    covers = []
+    for page, uv, triangles in zip(layout.pages, corners, members, strict=True):
+        solid = triangles[~flat[triangles]]
+        cover = rasterise(uv[~flat[triangles]], page.width, page.height)
+        covers.append(Coverage(np.where(cover.owner >= 0, solid[cover.owner], -1).astype(np.int32), cover.overlapped))
+    _warn(scene, layout, covers, corners, members, flat, warnings)
+    if not any((cover.owner >= 0).any() for cover in covers):
+        raise NothingToBake("no texel is covered by any object: give more resolution, or check the lightmap UVs")
+    return _assemble(scene, layout, covers, _charts(scene, layout))
+
+
+def _by_page(scene: Scene, layout: Layout) -> tuple[list[Float], list[Int]]:
+    """The layout's triangles page by page: their corners (t, 3, 2), and which of the scene's they are (t,)."""
+    corners, members = [], []
+    for page in range(len(layout.pages)):
+        on_page = np.flatnonzero(layout.page_of_surface == page)
+        layouts = [uv for uv in (layout.uv[s] for s in on_page) if uv is not None]
+        corners.append(np.concatenate(layouts))
+        members.append(np.concatenate([np.arange(scene.surfaces[s].first,
+                                                 scene.surfaces[s].first + scene.surfaces[s].count) for s in on_page]))
+    return corners, members
+
+
+def surface_of_triangle(scene: Scene) -> NDArray[np.int32]:
+    """(t,) int32, the object that each triangle of the scene belongs to."""
+    surface = np.full(len(scene.triangles), -1, np.int32)
+    for index, item in enumerate(scene.surfaces):
+        surface[item.triangles] = index
+    return surface
+
+
+def _assemble(scene: Scene, layout: Layout, covers: list[Coverage], chart: NDArray[np.int32]) -> Lumels:
+    """Fill the lumels' arrays, chunk by chunk."""
+    pixels = [np.flatnonzero(cover.owner >= 0) for cover in covers]
+    n = sum(len(pixel) for pixel in pixels)
+    position, normal = np.empty((n, 3), np.float32), np.empty((n, 3), np.float32)
+    barycentric, footprint = np.empty((n, 2), np.float32), np.empty((n, 2, 2), np.float32)
+    triangle, page_index = np.empty(n, np.int32), np.empty(n, np.int32)
+    layout_uv = np.zeros((len(scene.triangles), 3, 2), np.float32)
+    for surface, uv in zip(scene.surfaces, layout.uv, strict=True):
+        if uv is not None:
+            layout_uv[surface.triangles] = uv
+    start = 0
+    for index, (page, cover, pixel) in enumerate(zip(layout.pages, covers, pixels, strict=True)):
+        page_index[start:start + len(pixel)] = index
+        for first in range(0, len(pixel), CHUNK):
+            part = pixel[first:first + CHUNK]
+            to = slice(start + first, start + first + len(part))
+            triangle[to] = own = cover.owner[part]
+            centre = np.stack([part % page.width, part // page.width], axis=1)
+            texels = to_texels(layout_uv[own], page.width, page.height)
+            weight, footprint[to] = _barycentric(texels, centre)
+            barycentric[to] = weight
+            position[to], normal[to] = _place(scene, own, weight)
+        start += len(pixel)
+    receivers = Receivers(position, normal, triangle, barycentric, footprint)
+    return Lumels(receivers, surface_of_triangle(scene)[triangle], page_index, np.concatenate(pixels).astype(np.int64),
+                  chart[triangle], layout.pages, layout.page_of_surface, layout.uv)
+
+
+def _barycentric(corner: Float, point: Float) -> tuple[Float, Float]:
+    """Weights of corners 1 and 2 at a point of the layout, and their change by one texel to the right and up.
+
+    Parameters
+    ----------
+    corner : (n, 3, 2) float64, texels.
+    point : (n, 2), texels.
+
+    Returns
+    -------
+    (n, 2) float64 in the triangle, and (n, 2, 2) float64: [texel step, corner].
+    """
+    a, b = corner[:, 1] - corner[:, 0], corner[:, 2] - corner[:, 0]
+    twice_area = a[:, 0] * b[:, 1] - a[:, 1] * b[:, 0]
+    # point = corner0 + u a + v b, solved for (u, v) by Cramer's rule.
+    step = np.stack([np.stack([b[:, 1], -a[:, 1]], axis=1), np.stack([-b[:, 0], a[:, 0]], axis=1)], axis=1)
+    step /= twice_area[:, None, None]
+    offset = point - corner[:, 0]
+    weight = offset[:, :1] * step[:, 0] + offset[:, 1:] * step[:, 1]
+    weight = np.maximum(weight, 0)
+    return weight / np.maximum(weight.sum(axis=1, keepdims=True), 1), step
+
+
+def _place(scene: Scene, triangle: Int, weight: Float) -> tuple[Float, Float]:
+    """Position relative to the scene's origin and unit shading normal, (n, 3) float64 each."""
+    corners = scene.vertices[scene.triangles[triangle]] - scene.origin
+    a, b = corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]
+    position = corners[:, 0] + weight[:, :1] * a + weight[:, 1:] * b
+    geometric = np.cross(a, b)
+    geometric /= np.linalg.norm(geometric, axis=1, keepdims=True)
+    if scene.corner_normals is None:
+        return position, geometric
+    shading = scene.corner_normals[triangle].astype(np.float64)
+    normal = shading[:, 0] + weight[:, :1] * (shading[:, 1] - shading[:, 0])
+    normal += weight[:, 1:] * (shading[:, 2] - shading[:, 0])
+    length = np.linalg.norm(normal, axis=1, keepdims=True)
+    # Normals that cancel out say nothing: the triangle's own.
+    usable = length > 1e-6
+    return position, np.where(usable, normal / np.where(usable, length, 1), geometric)
+
+
+def _charts(scene: Scene, layout: Layout) -> NDArray[np.int32]:
+    """(t,) int32 connected piece of the layout: joined are triangles of one object through an edge whose ends are the
+    same vertices with the same coordinates.
+    """
+    steps = int(1 / UV_WELD)
+    corner = scene.triangles.astype(np.int64)
+    key = corner * (steps * steps)
+    surface = surface_of_triangle(scene)
+    for item, uv in zip(scene.surfaces, layout.uv, strict=True):
+        if uv is not None:
+            grid = np.rint(uv.astype(np.float64) * steps).astype(np.int64) % steps
+            key[item.triangles] += grid[:, :, 0] * steps + grid[:, :, 1]
+    node = np.unique(key, return_inverse=True)[1].reshape(-1, 3)
+    first, second, _, _ = shared_edges(node)
+    same = surface[first] == surface[second]
+    return components(len(corner), first[same], second[same]).astype(np.int32)
+
+
+def _warn(scene: Scene, layout: Layout, covers: list[Coverage], corners: list[Float], members: list[Int],
+          flat: NDArray[np.bool_], warnings: Warnings) -> None:
+    """Tell of objects whose layout loses light: overlaps, parts outside, triangles without area."""
+    surface = surface_of_triangle(scene)
+    count = len(scene.surfaces)
+    lumel_count, doubled, lost = np.zeros(count, int), np.zeros(count, int), np.zeros(count, int)
+    for page, cover, uv, triangles in zip(layout.pages, covers, corners, members, strict=True):
+        owner = cover.owner[cover.owner >= 0]
+        lumel_count += np.bincount(surface[owner], minlength=count)
+        doubled += np.bincount(surface[cover.owner[cover.overlapped]], minlength=count)
+        empty = flat[triangles]
+        held = holds_centre(uv[empty], page.width, page.height)
+        lost += np.bincount(surface[triangles[empty][held]], minlength=count)
+    for index, (item, layout_uv) in enumerate(zip(scene.surfaces, layout.uv, strict=True)):
+        if layout_uv is None:
+            continue
+        tell = lambda code, message, name=item.name: warnings.append(  # noqa: E731
+            {"object": name, "code": code, "message": message})
+        if doubled[index] > OVERLAP_TOLERANCE * lumel_count[index]:
+            tell("uv_overlap", f"{doubled[index]} of {lumel_count[index]} lumels are covered more than once by the "
+                 "lightmap UV and show the light of one place only: unwrap without overlaps")
+        outside = ((layout_uv < -OUTSIDE_TOLERANCE) | (layout_uv > 1 + OUTSIDE_TOLERANCE)).any(axis=(1, 2)).sum()
+        if outside:
+            tell("uv_outside", f"{outside} of {item.count} triangles leave [0, 1] in the lightmap UV and get no lumels "
+                 "there: pack the UV islands into the image")
+        if lost[index]:
+            tell("zero_area", f"{lost[index]} triangles without area in space lie over texels and get no lumels: "
+                 "merge vertices by distance")
+        if not lumel_count[index]:
+            tell("no_lumels", "covers no texel centre: give it more resolution or a larger part of the lightmap UV")
