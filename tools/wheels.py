@@ -85,7 +85,7 @@ def download(platform: str, python: str, folder: Path) -> None:
 def check(wheel: Locked) -> None:
     """Raise WheelError unless the fetched file is the one that the lock names."""
     if not wheel.path.is_file():
-        raise WheelError(f"{wheel.name}: not found after the download; run tools/wheels.py --update, then read the lock")
+        raise WheelError(f"{wheel.name}: absent after the download; run tools/wheels.py --update, then read the lock")
     found = sha256(wheel.path)
     if found != wheel.sha256:
         raise WheelError(
