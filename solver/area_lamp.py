@@ -1,0 +1,139 @@
+"""Area lamps: a parallelogram or an ellipse that shines from one side, with Cycles' spread."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from . import cap
+from .lamp_checks import put, spectrum, vector, within
+from .lights import LightSample, aimed
+from .polygon import polygon_form_factor
+
+Float = NDArray[np.floating[Any]]
+
+# Corners of the polygon of equal area that stands for an ellipse in the closed form. Its outline strays by 1.2e-3 of
+# the radius, inward and outward in turn, which only points within a tenth of the radius of the rim can tell.
+ELLIPSE_CORNERS = 64
+# Half of the narrowest spread, radians: Cycles takes a lamp of spread 0 for a beam of about this width.
+NARROWEST_SPREAD = 1e-4
+
+
+@dataclass(frozen=True, eq=False)
+class Area:
+    """A flat lamp that shines from one side, the one that axis_u x axis_v points to.
+
+    Parameters
+    ----------
+    name : for messages.
+    centre : (3,) float64, metres.
+    axis_u, axis_v : (3,) metres, along the two sides and as long as they are; the diameters of an ellipse.
+    flux : (3,) W that leave it.
+    round : an ellipse, not a parallelogram.
+    spread : full angle, radians, 0 to pi, beyond which nothing leaves (a grid of slats; Cycles' model): radiance goes
+        as 1 - tan(angle) / tan(spread / 2), normalised so that the flux stays.
+    """
+
+    name: str
+    centre: Float
+    axis_u: Float
+    axis_v: Float
+    flux: Float
+    round: bool = False
+    spread: float = np.pi
+
+    def __post_init__(self) -> None:
+        put(self, **{word: vector(self.name, word, getattr(self, word)) for word in ("centre", "axis_u", "axis_v")})
+        put(self, flux=spectrum(self.name, "power", self.flux))
+        put(self, spread=within(self.name, "spread", self.spread, 0.0, np.pi))
+
+    @property
+    def area(self) -> float:
+        """Square metres."""
+        rectangle = float(np.linalg.norm(np.cross(self.axis_u, self.axis_v)))
+        return rectangle * np.pi / 4 if self.round else rectangle
+
+    @property
+    def normal(self) -> Float:
+        """(3,) float64 unit: where the light leaves; zero if the lamp has no area."""
+        cross = np.cross(self.axis_u, self.axis_v)
+        return np.asarray(cross / max(float(np.linalg.norm(cross)), float(np.finfo(np.float64).tiny)))
+
+    @property
+    def colour(self) -> Float:
+        """(3,) float32: flux / pi."""
+        return np.asarray(self.flux / np.float32(np.pi)) if self.area > 0 else np.zeros(3, np.float32)
+
+    def power(self) -> Float:
+        """(3,) float32: flux that leaves the lamp, W; 0 if it has no area."""
+        return self.flux if self.area > 0 else np.zeros(3, np.float32)
+
+    def outline(self) -> Float:
+        """(m, 3) float64 corners, counter-clockwise seen from the side that shines."""
+        if not self.round:
+            across = np.array([[-1, -1], [1, -1], [1, 1], [-1, 1]]) / 2
+        else:
+            step = 2 * np.pi / ELLIPSE_CORNERS
+            radius = np.sqrt(step / np.sin(step)) / 2
+            angle = step * np.arange(ELLIPSE_CORNERS)
+            across = radius * np.stack([np.cos(angle), np.sin(angle)], axis=1)
+        return np.asarray(self.centre + across @ np.stack([self.axis_u, self.axis_v]))
+
+    def irradiance(self, points: Float, normals: Float) -> Float | None:
+        """Unoccluded irradiance (n, 3) float32, W/m2; None with a spread below pi, which has no closed form."""
+        if self.spread < np.pi:
+            return None
+        if self.area == 0:
+            return np.zeros((len(points), 3), np.float32)
+        factor = polygon_form_factor(points, normals, self.outline())
+        return np.asarray(factor[:, None] * (self.flux / np.float32(self.area)), np.float32)
+
+    def sample(self, points: Float, normals: Float, uv: Float) -> LightSample:
+        """Points spread evenly over the lamp, or over the part of its plane that the spread lets a receiver see."""
+        across = np.stack(cap.disc(uv), axis=1) / 2 if self.round else uv - np.float32(0.5)
+        axes = np.stack([self.axis_u, self.axis_v]).astype(np.float32)
+        target = self.centre.astype(np.float32) + across @ axes
+        if self.spread == np.pi or self.area == 0:
+            return aimed(points, normals, target, self.normal.astype(np.float32), two_sided=False)
+        target, scale = self._narrowed(points, uv, target)
+        rays = aimed(points, normals, target, self.normal.astype(np.float32), two_sided=False)
+        return LightSample(rays.direction, rays.distance,
+                           np.asarray(rays.weight * scale * self._slats(rays.direction), np.float32))
+
+    @property
+    def _tangent(self) -> float:
+        return float(np.tan(max(self.spread / 2, NARROWEST_SPREAD)))
+
+    def _slats(self, towards_lamp: Float) -> Float:
+        """Radiance in each direction over the mean radiance flux / (pi area)."""
+        half = max(self.spread / 2, NARROWEST_SPREAD)
+        # Third order below .05 rad, where the difference of tangent and angle loses its digits.
+        norm = 1 / (self._tangent - half) if half > 0.05 else 3 / half**3 * (1 - 0.4 * half**2)
+        cosine = -(towards_lamp @ self.normal.astype(np.float32))
+        tangent = np.sqrt(np.maximum(1 - cosine**2, 0)) / np.maximum(cosine, np.float32(1e-6))
+        return np.asarray(np.maximum((self._tangent - tangent) * norm, 0))
+
+    def _narrowed(self, points: Float, uv: Float, target: Float) -> tuple[Float, Float]:
+        """Targets on the circle of the lamp's plane that the spread lets each point see, where it is smaller than the
+        lamp; and that circle's area over the lamp's (0 off the lamp)."""
+        normal = self.normal.astype(np.float32)
+        height = (points - self.centre.astype(np.float32)) @ normal
+        reach = np.maximum(height, 0) * np.float32(self._tangent)
+        ratio = np.pi * reach**2 / np.float32(self.area)
+        side = np.array(self.axis_u / np.linalg.norm(self.axis_u), np.float32)
+        x, y = cap.disc(uv)
+        foot = points - height[:, None] * normal
+        on_circle = foot + (reach * x)[:, None] * side + (reach * y)[:, None] * np.cross(normal, side)
+        dual = np.linalg.pinv(np.stack([self.axis_u, self.axis_v])).astype(np.float32)
+        across = (on_circle - self.centre.astype(np.float32)) @ dual
+        on_lamp = (across**2).sum(axis=1) <= 0.25 if self.round else np.abs(across).max(axis=1) <= 0.5
+        narrow = ratio < 1
+        return (np.where(narrow[:, None], on_circle, target),
+                np.asarray(np.where(narrow, np.where(on_lamp, ratio, 0), 1), np.float32))
+
+    def translated(self, offset: Float) -> Area:
+        """The same lamp, moved by (3,) metres."""
+        return replace(self, centre=self.centre + offset)

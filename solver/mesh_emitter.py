@@ -1,0 +1,171 @@
+"""Emissive triangles of meshes as lamps, in groups that are sampled together."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from .errors import SceneError
+from .lamp_checks import put
+from .lights import LightSample, aimed
+from .polygon import polygons_form_factor
+
+Float = NDArray[np.floating[Any]]
+
+# Triangles above which summing a closed form costs more than the shadow rays that it saves.
+CLOSED_FORM_TRIANGLES = 64
+# Keeps 0 / 0 away where nothing shines.
+TINY = float(np.finfo(np.float64).tiny)
+# Parts in a thousand to which two triangles' chromaticities must agree to share a group.
+CHROMATICITY_STEP = 1e-3
+
+
+@dataclass(frozen=True, eq=False)
+class MeshEmitter:
+    """Emissive triangles that are sampled together, in proportion to their flux.
+
+    Parameters
+    ----------
+    name : for messages.
+    corners : (k, 3, 3) float64, metres.
+    radiance : (k, 3) W/(m2 sr), rows that are multiples of one another: one ray's weight is one number, so a group
+        has one chromaticity (see `group_emitters`).
+    two_sided : shines from both sides, as Blender's emission does; else from the one its corners turn
+        counter-clockwise on.
+    """
+
+    name: str
+    corners: Float
+    radiance: Float
+    two_sided: bool = True
+    _triangles: _Triangles = field(init=False, repr=False)
+
+    def __post_init__(self) -> None:
+        corners, radiance = np.array(self.corners, np.float64), np.array(self.radiance, np.float64)
+        if corners.ndim != 3 or corners.shape[1:] != (3, 3) or not len(corners) or not np.isfinite(corners).all():
+            raise SceneError(f"emitter {self.name!r}: corners {corners.shape} must be (k, 3, 3), k > 0, finite")
+        if radiance.shape != (len(corners), 3) or not np.isfinite(radiance).all() or (radiance < 0).any():
+            raise SceneError(f"emitter {self.name!r}: radiance must be ({len(corners)}, 3), >= 0 and finite")
+        triangles = _Triangles.of(corners, radiance)
+        mixed = radiance - radiance.sum(axis=1, keepdims=True) * triangles.chromaticity
+        if np.abs(mixed).max(initial=0) > 2 * CHROMATICITY_STEP * radiance.sum(axis=1).max(initial=0):
+            raise SceneError(f"emitter {self.name!r} mixes colours: split it by chromaticity (group_emitters)")
+        put(self, corners=corners, radiance=radiance, _triangles=triangles)
+
+    @property
+    def colour(self) -> Float:
+        """(3,) float32: the flux of one side / pi."""
+        return self._triangles.colour
+
+    def power(self) -> Float:
+        """(3,) float32: flux that leaves the triangles, W, of both sides if both shine."""
+        return np.asarray(self.colour * np.float32(2 * np.pi if self.two_sided else np.pi))
+
+    def irradiance(self, points: Float, normals: Float) -> Float | None:
+        """Unoccluded irradiance (n, 3) float32, W/m2; None for more than `CLOSED_FORM_TRIANGLES` triangles."""
+        if len(self.corners) > CLOSED_FORM_TRIANGLES:
+            return None
+        if not self.colour.any():
+            return np.zeros((len(points), 3), np.float32)
+        strength = self.radiance.sum(axis=1, keepdims=True) * np.pi
+        factor = polygons_form_factor(points, normals, self.corners, strength, "both" if self.two_sided else "front")
+        return np.asarray(factor * self._triangles.chromaticity, np.float32)
+
+    def sample(self, points: Float, normals: Float, uv: Float) -> LightSample:
+        """Points spread over the triangles by flux: the first number picks the triangle and is stretched again."""
+        chosen, u = self._triangles.choose(uv[:, 0])
+        root = np.sqrt(u)[:, None]
+        some = self._triangles
+        target = some.corner[chosen] + some.first[chosen] * (1 - root) + some.second[chosen] * (root * uv[:, 1:])
+        return aimed(points, normals, target, some.normal[chosen], self.two_sided)
+
+    def translated(self, offset: Float) -> MeshEmitter:
+        """The same triangles, moved by (3,) metres."""
+        return MeshEmitter(self.name, self.corners + offset, self.radiance, self.two_sided)
+
+
+@dataclass(frozen=True, eq=False)
+class _Triangles:
+    """What sampling reads, float32: a corner and the two sides from it, unit normals, (k, 3) each; upper limits (k,) of
+    the triangles' shares of the flux; chromaticity and colour (3,) of the group."""
+
+    corner: Float
+    first: Float
+    second: Float
+    normal: Float
+    limit: Float
+    chromaticity: Float
+    colour: Float
+
+    @classmethod
+    def of(cls, corners: Float, radiance: Float) -> _Triangles:
+        first, second = corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]
+        cross = np.cross(first, second)
+        double_area = np.linalg.norm(cross, axis=1)
+        normal = cross / np.maximum(double_area, np.finfo(np.float64).tiny)[:, None]
+        flux = double_area / 2 @ radiance
+        limit = np.cumsum(double_area / 2 * radiance.sum(axis=1)) / max(float(flux.sum()), TINY)
+        chromaticity = flux / max(float(flux.sum()), TINY)
+        return cls(*(array.astype(np.float32) for array in
+                     (corners[:, 0], first, second, normal, limit, chromaticity, flux)))
+
+    def choose(self, u: Float) -> tuple[NDArray[np.intp], Float]:
+        """Triangle for each u in [0, 1), and where in the triangle's share u lies, in [0, 1]."""
+        last = int(np.searchsorted(self.limit, self.limit[-1]))  # triangles after it send nothing
+        chosen = np.minimum(np.searchsorted(self.limit, u, side="right"), last)
+        low = np.where(chosen > 0, self.limit[chosen - 1], 0)
+        return chosen, np.clip((u - low) / np.maximum(self.limit[chosen] - low, np.finfo(np.float32).tiny), 0, 1)
+
+
+def group_emitters(
+    corners: Float, exitance: ArrayLike, name: str = "emission", most_triangles: int = CLOSED_FORM_TRIANGLES
+) -> tuple[MeshEmitter, ...]:
+    """Emissive triangles as lamps: groups of one chromaticity, near one another in space.
+
+    Parameters
+    ----------
+    corners : (t, 3, 3) float64, metres.
+    exitance : (t, 3) W/m2 of each side (radiance times pi), as `Scene.emission`; dark triangles are left out.
+    name : what the groups are called, with a number.
+    most_triangles : of a group.
+
+    Notes
+    -----
+    A ray's weight is one number, so the triangles of a group must share a chromaticity; their brightness may differ.
+    A textured mesh with a colour for each triangle would fall into as many groups: where splitting by channel gives
+    fewer (at most three for each place), it is split into red, green and blue lamps instead, which is exact too.
+    """
+    exitance = np.asarray(exitance, np.float64)
+    lit = np.flatnonzero(exitance.any(axis=1))
+    corners, radiance = np.asarray(corners, np.float64)[lit], exitance[lit] / np.pi
+    if not len(lit):
+        return ()
+    chromaticity = np.round(radiance / radiance.sum(axis=1, keepdims=True) / CHROMATICITY_STEP)
+    _, kind = np.unique(chromaticity, axis=0, return_inverse=True)
+    kind = kind.reshape(-1)
+    by_kind = [np.flatnonzero(kind == value) for value in range(min(kind.max() + 1, len(lit)))]
+    parts = [(some, radiance) for rows in by_kind for some in _clusters(corners, rows, most_triangles)]
+    if len(by_kind) > 3:
+        by_channel = [(some, radiance * np.eye(3)[channel]) for channel in range(3)
+                      for some in _clusters(corners, np.flatnonzero(radiance[:, channel]), most_triangles)]
+        parts = min(parts, by_channel, key=len)
+    return tuple(MeshEmitter(f"{name}.{number}", corners[rows], colours[rows])
+                 for number, (rows, colours) in enumerate(parts))
+
+
+def _clusters(corners: Float, rows: NDArray[np.intp], most: int) -> list[NDArray[np.intp]]:
+    """Rows in boxes of at most `most` triangles: halved at the median along the longest side."""
+    centre = corners.mean(axis=1)
+    waiting, done = [rows], []
+    while waiting:
+        some = waiting.pop()
+        if len(some) <= most:
+            done.append(some)
+            continue
+        longest = int(np.argmax(np.ptp(centre[some], axis=0)))
+        order = some[np.argsort(centre[some, longest], kind="stable")]
+        waiting += [order[len(order) // 2:], order[:len(order) // 2]]
+    return [np.sort(some) for some in done if len(some)]
