@@ -193,7 +193,7 @@ def _clipped_lambert(seen: Float, normals: Float, shapes: _Shapes, tolerance: Fl
     edges = np.where(below, 0, end - start)
     exit_, entry = (crossing * leaves).sum(axis=1), (crossing * enters).sum(axis=1)
     along_horizon = np.arctan2(_length(_cross(exit_, entry)), _dot(exit_, entry)) / (2 * np.pi)
-    return _edge_sum(start, end, edges, normals) + np.where(front, along_horizon, -along_horizon)
+    return np.asarray(_edge_sum(start, end, edges, normals) + np.where(front, along_horizon, -along_horizon))
 
 
 def _edge_sum(start: Float, end: Float, edges: Float, normals: Float) -> Float:
