@@ -1,0 +1,204 @@
+"""Render a baked scene by its lightmaps alone: `python tools/picture.py BAKED.blend OUT.png`.
+
+Every diffuse shader of a baked object becomes an emitter of lightmap x base colour, so what the picture shows was
+baked: no light is traced while rendering. Needs the bpy wheel, and report.json beside the .blend (or --report).
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import math
+import os
+import sys
+import tempfile
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+# What turns a baked quantity times the base colour into radiance; "radiosity" holds the base colour already.
+# 683 lm/W is the luminous efficacy that "illuminance" is made with.
+TO_RADIANCE = {"radiance": 1.0, "irradiance": 1 / math.pi, "radiosity": 1 / math.pi, "illuminance": 1 / (683 * math.pi)}
+SIDE = 800
+SAMPLES = 16
+# Where the upper quartile of the baked radiance is put, in display-linear light.
+UPPER_QUARTILE = 0.6
+
+
+class PictureError(Exception):
+    """The picture can't be made; the message says why."""
+
+
+def lightmap_colour(nodes: Any, links: Any, output: dict[str, Any], folder: Path) -> Any:
+    """The socket of a node tree that reads the baked light of one output."""
+    if output["target"] == "vertex":
+        attribute = nodes.new("ShaderNodeVertexColor")
+        attribute.layer_name = output.get("attribute") or output["image"]
+        return attribute.outputs["Color"]
+    import bpy
+
+    image = bpy.data.images.load(str(folder / output["image"]), check_existing=True)
+    texture, uv_map = nodes.new("ShaderNodeTexImage"), nodes.new("ShaderNodeUVMap")
+    texture.image, texture.extension = image, "EXTEND"
+    uv_map.uv_map = output["uv_layer"]
+    links.new(uv_map.outputs["UV"], texture.inputs["Vector"])
+    return texture.outputs["Color"]
+
+
+def emit_instead(tree: Any, output: dict[str, Any], folder: Path, quantity: str) -> None:
+    """Replace each diffuse shader of a node tree, groups included, by emission of baked light x base colour."""
+    nodes, links = tree.nodes, tree.links
+    for node in list(nodes):
+        if node.bl_idname == "ShaderNodeGroup" and node.node_tree is not None:
+            node.node_tree = node.node_tree.copy()
+            emit_instead(node.node_tree, output, folder, quantity)
+        if node.bl_idname not in {"ShaderNodeBsdfPrincipled", "ShaderNodeBsdfDiffuse"}:
+            continue
+        principled = node.bl_idname == "ShaderNodeBsdfPrincipled"
+        product = nodes.new("ShaderNodeVectorMath")
+        product.operation = "MULTIPLY"
+        links.new(lightmap_colour(nodes, links, output, folder), product.inputs[0])
+        product.inputs[1].default_value = (1.0, 1.0, 1.0)
+        if quantity != "radiosity":
+            connect(links, node.inputs["Base Color" if principled else "Color"], product.inputs[1])
+        shader = nodes.new("ShaderNodeEmission")
+        links.new(product.outputs["Vector"], shader.inputs["Color"])
+        shader.inputs["Strength"].default_value = TO_RADIANCE[quantity]
+        result = shader.outputs["Emission"]
+        if principled:
+            own, both = nodes.new("ShaderNodeEmission"), nodes.new("ShaderNodeAddShader")
+            connect(links, node.inputs["Emission Color"], own.inputs["Color"])
+            connect(links, node.inputs["Emission Strength"], own.inputs["Strength"])
+            links.new(result, both.inputs[0])
+            links.new(own.outputs["Emission"], both.inputs[1])
+            result = both.outputs["Shader"]
+        for link in list(node.outputs["BSDF"].links):
+            links.new(result, link.to_socket)
+        nodes.remove(node)
+
+
+def connect(links: Any, source: Any, target: Any) -> None:
+    """Give the target what feeds the source: its link, or its own value."""
+    if source.is_linked:
+        links.new(source.links[0].from_socket, target)
+        return
+    value = source.default_value
+    if hasattr(value, "__len__"):
+        target.default_value = tuple(value)[: len(target.default_value)]
+    else:
+        target.default_value = value
+
+
+def show_baked(report: dict[str, Any], folder: Path) -> None:
+    """Give every baked object materials of its own that show its lightmap."""
+    import bpy
+
+    quantity = report["settings"]["quantity"]
+    for output in report["outputs"]:
+        thing = bpy.data.objects.get(output["object"])
+        if thing is None:
+            raise PictureError(f"object {output['object']!r} of the report is not in the .blend: give its own report")
+        if not thing.material_slots:
+            thing.data.materials.append(None)
+        for slot in thing.material_slots:
+            material = slot.material.copy() if slot.material else bpy.data.materials.new("Grey")
+            slot.link = "OBJECT"
+            slot.material = material
+            material.use_nodes = True
+            emit_instead(material.node_tree, output, folder, quantity)
+
+
+def baked_values(report: dict[str, Any], folder: Path) -> np.ndarray[Any, np.dtype[np.float32]]:
+    """(n,) float32, every value above zero of every image, as radiance."""
+    import bpy
+
+    paths = sorted({output["image"] for output in report["outputs"] if output["target"] == "lightmap"})
+    values = []
+    for path in paths:
+        image = bpy.data.images.load(str(folder / path), check_existing=True)
+        pixels = np.empty(len(image.pixels), np.float32)
+        image.pixels.foreach_get(pixels)
+        rgb = pixels.reshape(-1, image.channels)[:, :3]
+        values.append(rgb[rgb > 0])
+    scale = np.float32(TO_RADIANCE[report["settings"]["quantity"]])
+    return np.concatenate(values) * scale if values else np.empty(0, np.float32)
+
+
+def place_camera(scene: Any, names: list[str]) -> None:
+    """A camera that sees all the baked objects, for a scene that has none."""
+    import bpy
+    from mathutils import Vector
+
+    corners = [bpy.data.objects[name].matrix_world @ Vector(corner)
+               for name in names for corner in bpy.data.objects[name].bound_box]
+    middle = sum(corners, Vector()) / len(corners)
+    radius = max((corner - middle).length for corner in corners)
+    direction = Vector((0.6, -0.8, 0.45)).normalized()
+    camera = bpy.data.objects.new("Camera", bpy.data.cameras.new("Camera"))
+    camera.location = middle + direction * radius * 2.6
+    camera.rotation_euler = (-direction).to_track_quat("-Z", "Y").to_euler()
+    camera.data.clip_end = radius * 10
+    scene.collection.objects.link(camera)
+    scene.camera = camera
+
+
+def render(blend: Path, report_path: Path, picture: Path, exposure: float | None) -> None:
+    """Open the .blend, show the lightmaps, write the PNG."""
+    import bpy
+
+    report = json.loads(report_path.read_text(encoding="utf-8"))
+    if not report["outputs"]:
+        raise PictureError(f"{report_path} lists no outputs: nothing was baked")
+    bpy.ops.wm.open_mainfile(filepath=str(blend))
+    scene = bpy.context.scene
+    show_baked(report, report_path.parent)
+    if scene.camera is None:
+        place_camera(scene, [output["object"] for output in report["outputs"]])
+    values = baked_values(report, report_path.parent)
+    if exposure is None:
+        exposure = math.log2(UPPER_QUARTILE / float(np.quantile(values, 0.75))) if len(values) else 0.0
+    scene.view_settings.view_transform = "Standard"
+    scene.view_settings.look = "None"
+    scene.view_settings.exposure = exposure
+    shape = scene.render
+    scale = SIDE / max(shape.resolution_x, shape.resolution_y)
+    shape.resolution_x, shape.resolution_y = round(shape.resolution_x * scale), round(shape.resolution_y * scale)
+    shape.resolution_percentage = 100
+    shape.engine = "CYCLES"
+    scene.cycles.device = "CPU"
+    scene.cycles.samples = SAMPLES
+    scene.cycles.max_bounces = 0
+    scene.cycles.use_denoising = False
+    shape.use_compositing = shape.use_sequencer = False
+    shape.image_settings.file_format = "PNG"
+    shape.image_settings.color_mode = "RGB"
+    shape.filepath = str(picture)
+    bpy.ops.render.render(write_still=True)
+
+
+def main() -> int:
+    """Command line; 1 if the picture can't be made."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("blend", type=Path, help="the .blend that the bake saved")
+    parser.add_argument("picture", type=Path, help="the PNG to write")
+    parser.add_argument("--report", type=Path, help="the bake's report (default: report.json beside the .blend)")
+    parser.add_argument("--exposure", type=float, help="stops; by default from the baked light itself")
+    arguments = parser.parse_args()
+    report = arguments.report or arguments.blend.parent / "report.json"
+    for path in (arguments.blend, report):
+        if not path.is_file():
+            print(f"error: {path} not found: bake first, with --save and --report", file=sys.stderr)
+            return 1
+    with tempfile.TemporaryDirectory(prefix="radiosity-picture-") as folder:
+        os.environ.setdefault("BLENDER_USER_RESOURCES", folder)
+        try:
+            render(arguments.blend.absolute(), report.absolute(), arguments.picture.absolute(), arguments.exposure)
+        except PictureError as error:
+            print(f"error: {error}", file=sys.stderr)
+            return 1
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())
