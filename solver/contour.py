@@ -23,6 +23,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from .convex_pieces import unit_normal
 from .polygon import polygon_form_factor
 
 Float = NDArray[np.floating[Any]]
@@ -55,7 +56,7 @@ def convex_form_factor(a: Float, b: Float) -> float:
 
 def clip_to_front(polygon: Float, other: Float) -> Float:
     """The part (m, 3) of a convex polygon before the front of another one's plane; (0, 3) if there is none."""
-    normal = _normal(other)
+    normal = unit_normal(other)
     height = (polygon - other[0]) @ normal
     size = np.abs(polygon - other[0]).max() + np.abs(other - other[0]).max()
     height[np.abs(height) <= PLANE_TOLERANCE * size] = 0
@@ -99,7 +100,7 @@ def _roominess(polygon: Float, other: Float) -> float:
 
 def _mean_element_form_factor(polygon: Float, other: Float) -> float:
     points, weights = triangle_nodes(polygon, AREA_RULE_NODES)
-    values = polygon_form_factor(points, np.broadcast_to(_normal(polygon), points.shape), other)
+    values = polygon_form_factor(points, np.broadcast_to(unit_normal(polygon), points.shape), other)
     return float(weights @ values / weights.sum())
 
 
@@ -161,12 +162,6 @@ def _double_exponential() -> tuple[Float, Float]:
     decay = np.exp(-np.pi * np.sinh(t))
     weights = np.pi * np.cosh(t) * decay / (1 + decay) ** 2 * STEP
     return 1 / (1 + decay), weights / weights.sum()
-
-
-def _normal(polygon: Float) -> Float:
-    fan = polygon[1:] - polygon[0]
-    area = np.cross(fan[:-1], fan[1:]).sum(axis=0)
-    return np.asarray(area / np.linalg.norm(area))
 
 
 def _area(polygon: Float) -> float:

@@ -17,6 +17,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from .convex_pieces import unit_normal
 from .polygon import paired_form_factor
 
 Float = NDArray[np.floating[Any]]
@@ -49,11 +50,11 @@ def visible_form_factor(points: Float, normals: Float, polygon: Float, occluders
     """
     pieces = _Pieces(polygon[None] - points[:, None], np.arange(len(points)))
     pieces = pieces.take(np.flatnonzero(_plane_distance(pieces.corners) < 0))
-    target = _normal(polygon)
+    target = unit_normal(polygon)
     for occluder in occluders:
         pieces = _without(pieces, points, occluder, polygon[0], target)
     values = paired_form_factor(np.zeros((len(pieces.owner), 3)), normals[pieces.owner], pieces.corners)
-    return np.bincount(pieces.owner, values, len(points))
+    return np.asarray(np.bincount(pieces.owner, values, len(points)), np.float64)
 
 
 def _without(pieces: _Pieces, points: Float, occluder: Float, on_target: Float, target: Float) -> _Pieces:
@@ -100,7 +101,7 @@ def _clip(corners: Float, height: Float) -> tuple[Float, NDArray[np.intp]]:
     corners, height = corners[index], height[index]
     if not (height < 0).any():
         return corners, index
-    count, width = height.shape
+    count = len(height)
     end, height_end = np.roll(corners, -1, axis=1), np.roll(height, -1, axis=1)
     crosses = height * height_end < 0
     with np.errstate(divide="ignore", invalid="ignore"):
@@ -129,9 +130,3 @@ def _plane_distance(seen: Float) -> Float:
     area = np.cross(fan[:, :-1], fan[:, 1:]).sum(axis=1)
     length = np.maximum(np.linalg.norm(area, axis=1), np.finfo(np.float64).tiny)
     return np.asarray((area * seen[:, 0]).sum(axis=1) / length)
-
-
-def _normal(polygon: Float) -> Float:
-    fan = polygon[1:] - polygon[0]
-    area = np.cross(fan[:-1], fan[1:]).sum(axis=0)
-    return np.asarray(area / np.linalg.norm(area))
