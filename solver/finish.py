@@ -1,0 +1,86 @@
+"""Values of lumels become images, and grow a margin so that filtering at a chart's edge meets no black."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .receivers import Lumels
+from .settings import Settings
+
+Float = NDArray[np.floating[Any]]
+
+
+def to_images(lumels: Lumels, values: Float, settings: Settings) -> list[Float]:
+    """The lightmaps: values at the lumels, dilated by `settings.margin`, zero elsewhere.
+
+    Parameters
+    ----------
+    lumels : n of them.
+    values : (n, 3).
+
+    Returns
+    -------
+    One (height, width, 3) float32 a page, row 0 at the bottom.
+    """
+    images = []
+    for index, page in enumerate(lumels.pages):
+        here = lumels.page == index
+        pixels = np.zeros((page.height * page.width, 3), np.float32)
+        covered = np.zeros(page.height * page.width, bool)
+        pixels[lumels.pixel[here]] = values[here]
+        covered[lumels.pixel[here]] = True
+        shape = (page.height, page.width)
+        images.append(dilate(pixels.reshape(*shape, 3), covered.reshape(shape), settings.margin))
+    return images
+
+
+def dilate(pixels: Float, covered: NDArray[np.bool_], margin: int) -> Float:
+    """Fill the texels round the covered ones, ring by ring, with the mean of those of their eight neighbours that are
+    covered or filled by an earlier ring.
+
+    Parameters
+    ----------
+    pixels : (height, width, 3).
+    covered : (height, width) bool; these texels keep their value.
+    margin : number of rings.
+
+    Returns
+    -------
+    (height, width, 3) float32.
+
+    Notes
+    -----
+    Only the newest ring is looked at, so the work is that of the texels that are filled, not of margin x image.
+    """
+    height, width, channels = pixels.shape
+    stride = width + 2  # a border of one texel, so that no neighbour leaves the array
+    known = np.zeros((height + 2, stride), bool)
+    known[1:-1, 1:-1] = covered
+    inside = np.zeros_like(known)
+    inside[1:-1, 1:-1] = True
+    colour = np.zeros((height + 2, stride, channels), np.float32)
+    colour[1:-1, 1:-1] = np.where(covered[:, :, None], pixels, 0)
+    known_flat, colour_flat = known.ravel(), colour.reshape(-1, channels)
+    empty = (inside & ~known).ravel()
+    around = np.array([-stride - 1, -stride, -stride + 1, -1, 1, stride - 1, stride, stride + 1])
+    newest = np.flatnonzero(known_flat)
+    for _ in range(margin):
+        wanted = np.zeros(len(empty), bool)
+        for step in around:
+            wanted[newest + step] = True
+        ring = np.flatnonzero(wanted & empty)
+        if not len(ring):
+            break
+        total, count = np.zeros((len(ring), channels), np.float32), np.zeros(len(ring), np.float32)
+        for step in around:
+            neighbour = ring + step
+            weight = known_flat[neighbour]
+            count += weight
+            total += colour_flat[neighbour] * weight[:, None]
+        colour_flat[ring] = total / count[:, None]
+        known_flat[ring], empty[ring] = True, False
+        newest = ring
+    return np.ascontiguousarray(colour[1:-1, 1:-1])
