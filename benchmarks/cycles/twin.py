@@ -26,7 +26,7 @@ from .scenes import CASES, UV_LAYER, Box, Case, case_named
 
 # Kinds of object that have a surface to render.
 SURFACES = {"MESH", "CURVE", "SURFACE", "FONT", "META"}
-VERSION = 2
+VERSION = 3
 # Images' sides are multiples of this, pixels.
 RESOLUTION_STEP = 16
 # Shading normals this near to the face's own are the face's own (custom normals are stored in 16 bits).
@@ -61,6 +61,7 @@ def make_twin(case: Case, again: bool = False) -> dict[str, Any]:
         for block in [block for block in unused if not block.users]:
             unused.remove(block)
     bpy.context.scene.render.engine = "CYCLES"
+    bpy.context.preferences.filepaths.save_version = 0
     bpy.ops.wm.save_as_mainfile(filepath=str(case.folder / "twin.blend"), compress=False, check_existing=False)
     known = {
         "scene": case.name,
@@ -294,7 +295,9 @@ def _inner(image: NDArray[np.int32]) -> int:
 
 def main(arguments: list[str] | None = None) -> None:
     """Command line: make the twins of the scenes named."""
-    parser = argparse.ArgumentParser(prog="python -m benchmarks.cycles.twin", description=__doc__.splitlines()[0])
+    parser = argparse.ArgumentParser(
+        prog="python -m benchmarks.cycles.twin", description=(__doc__ or "").splitlines()[0]
+    )
     parser.add_argument("scene", nargs="+", help=f"one or more of {', '.join(CASES)}, or all")
     parser.add_argument("--again", action="store_true", help="make it even if it is there")
     chosen = parser.parse_args(arguments)

@@ -13,6 +13,9 @@ Float = NDArray[np.floating[Any]]
 
 # Texels between two charts, so that neither reads the other's lumels.
 GAP = 3
+# xatlas starts charts at texel centres, where a rounding error decides what is covered: half a texel further on, a
+# wall's edge lies between two texels.
+TO_TEXEL_BORDERS = 0.5
 # Corners closer than this are one corner to the layout, metres.
 WELD = 1e-5
 # From this many triangles on, charts are kept below the area's MANY_CHARTS-th part, for speed.
@@ -78,7 +81,8 @@ def packed_texels(made: Any, density: float) -> tuple[Float, int]:
     _, packed, uv = atlas.get_mesh(0)
     # xatlas gives each axis its own [0, 1]: back to texels.
     extent = np.array([atlas.width, atlas.height], np.float64)
-    return np.asarray(uv[packed.reshape(-1)] * extent), max(atlas.width, atlas.height)
+    texels = uv[packed.reshape(-1)] * extent + TO_TEXEL_BORDERS
+    return np.asarray(texels), int(np.ceil(texels.max()))
 
 
 def write_layer(made: Any, layer: str, uv: Float) -> None:
