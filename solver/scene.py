@@ -47,9 +47,9 @@ class Sky:
 
     Parameters
     ----------
-    radiance : (3,) for a constant sky, or (height, width, 3) for an equirectangular map whose row 0 looks
-        straight down (-z) and whose middle column looks along -y, as Blender lays environment maps out:
-        u = .5 - atan2(x, -y) / (2 pi) ... see `solver.sky`. W / (m2 sr).
+    radiance : (3,) for a constant sky, or (height, width, 3) for an equirectangular map, W / (m2 sr). Row 0 looks
+        straight down (-z); a direction (x, y, z) is found at column (.5 - atan2(y, x) / (2 pi)) * width and row
+        (1 - acos(z) / pi) * height, so that the middle column looks along +x, as Blender's environment maps do.
     """
 
     radiance: Float = field(default_factory=lambda: np.zeros(3, np.float32))
@@ -167,7 +167,7 @@ class Scene:
         put("emission", _frozen(_per_triangle("emission", self.emission, count)))
         if self.reflectance.size and self.reflectance.max() > 1:  # type: ignore[union-attr]
             triangle = int(np.argmax(self.reflectance.max(axis=1)))  # type: ignore[union-attr]
-            raise SceneError(f"{self._whose(triangle)}: reflectance {self.reflectance[triangle].tolist()} is above 1")  # type: ignore[index]
+            raise SceneError(f"{self.whose(triangle)}: reflectance {self.reflectance[triangle].tolist()} is above 1")  # type: ignore[index]
         for name, shape in (("corner_normals", (count, 3, 3)), ("uv", (count, 3, 2))):
             value = getattr(self, name)
             if value is not None:
@@ -188,7 +188,8 @@ class Scene:
             raise SceneError(f"the surfaces cover {sum(s.count for s in surfaces)} of {count} triangles")
         put("surfaces", surfaces)
 
-    def _whose(self, triangle: int) -> str:
+    def whose(self, triangle: int) -> str:
+        """The material of a triangle, for messages; the triangle itself where no material is known."""
         material = int(self.material[triangle]) if self.material is not None else -1
         return f"material {self.material_names[material]!r}" if material >= 0 else f"triangle {triangle}"
 

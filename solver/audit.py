@@ -1,0 +1,206 @@
+"""An independent check of a bake: path tracing with next-event estimation at random receivers.
+
+It shares no patch, no cell, no interpolation and no random number with the bake. What it says about the bake is
+freed of the audit's own noise: with d_k the deviation at receiver k and s_k the standard error of its truth,
+
+    bias = mean(d_k)      RMS^2 = mean(d_k^2 - s_k^2)
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from . import sky as skies
+from .footprints import Footprints
+from .geometry import Geometry
+from .lights import Light
+from .parallel import Run, slices
+from .sampling import cosine_directions
+from .visibility import SHORTEN
+
+Float = NDArray[np.floating[Any]]
+Int = NDArray[np.integer[Any]]
+
+CHUNK_PATHS = 2**15
+# Independent groups of paths at a receiver, from which its standard error is taken.
+GROUPS = 8
+# A path ends for certain after this many bounces (a closed room of reflectance .9 has .9^64 = 1e-3 left).
+MOST_BOUNCES = 64
+# From this bounce on, paths end at random in proportion to what they carry.
+ROULETTE_FROM = 3
+# Up to this many lamps each gets a shadow ray of its own at every vertex.
+FEW_LAMPS = 4
+
+
+@dataclass(frozen=True, eq=False)
+class Truth:
+    """Irradiance at audited receivers: rows (k,), direct and indirect (k, 3) and (k, groups, 3) W/m2."""
+
+    rows: Int
+    direct: Float
+    indirect: Float
+
+    def groups(self, passes: str) -> Float:
+        """(k, groups, 3): independent estimates of what the passes ask for."""
+        return {"direct": self.direct, "indirect": self.indirect, "both": self.direct + self.indirect}[passes]
+
+
+@dataclass(frozen=True)
+class ErrorBar:
+    """Relative errors, as fractions of the mean of the audited light.
+
+    `rms` and `bias` are freed of the audit's noise; `p95` and `worst` are scaled down to the same RMS.
+    """
+
+    rms: float
+    p95: float
+    worst: float
+    bias: float
+    bias_standard_error: float
+    lumels_audited: int
+
+
+def error_bar(baked: Float, groups: Float) -> ErrorBar:
+    """Compare baked values (k, 3) with independent estimates (k, groups, 3)."""
+    mean = groups.mean(axis=1)
+    level = float(mean.mean())
+    if level <= 0:
+        return ErrorBar(0.0, 0.0, 0.0, 0.0, 0.0, len(baked))
+    noise = groups.var(axis=1, ddof=1) / groups.shape[1]
+    deviation = baked - mean
+    square = float((deviation**2 - noise).mean())
+    rms = np.sqrt(max(square, 0.0)) / level
+    seen = np.sqrt(float((deviation**2).mean())) / level
+    shrink = rms / seen if seen > 0 else 0.0
+    size = np.abs(deviation).max(axis=1) / level
+    per_lumel = deviation.mean(axis=1)
+    spread = float(per_lumel.std(ddof=1)) / np.sqrt(len(baked)) if len(baked) > 1 else 0.0
+    return ErrorBar(float(rms), float(np.quantile(size, 0.95) * shrink), float(size.max() * shrink),
+                    float(per_lumel.mean()) / level, spread / level, len(baked))
+
+
+class Auditor:
+    """Path traces the irradiance at footprints.
+
+    Parameters
+    ----------
+    geometry, lights : the scene about its origin.
+    sampled_emitter : (t,) triangles that are lamps (not counted again when a path meets them).
+    seed : must differ from the bake's.
+    """
+
+    def __init__(self, geometry: Geometry, lights: Sequence[Light], sampled_emitter: NDArray[np.bool_], seed: int) -> None:
+        self.geometry, self.lights, self._lamp = geometry, tuple(lights), sampled_emitter
+        self.seed = seed
+        power = np.array([_brightness(light, geometry) for light in self.lights])
+        self._chance = power / power.sum() if power.sum() > 0 else power
+
+    def truth(self, places: Footprints, rows: Int, paths: int, run: Run) -> Truth:
+        """Irradiance of footprints `rows` by `paths` paths each (rounded up to whole groups)."""
+        each = -(-paths // GROUPS) * GROUPS
+        pieces = slices(len(rows), max(1, CHUNK_PATHS // each))
+        seeds = np.random.SeedSequence(self.seed).spawn(len(pieces))
+        done = run.map(lambda job: self._paths(places, rows[job[0]], each, np.random.default_rng(job[1]), run),
+                       list(zip(pieces, seeds, strict=True)))
+        return Truth(rows, np.concatenate([one[0] for one in done]), np.concatenate([one[1] for one in done]))
+
+    def _paths(self, places: Footprints, rows: Int, each: int, generator: np.random.Generator,
+               run: Run) -> tuple[Float, Float]:
+        count = len(rows) * each
+        # Stratified within each group: the first bounce and the footprint on a jittered grid.
+        x, y, u, v = generator.random((4, count), np.float32)
+        strata = each // GROUPS
+        u = ((u.reshape(-1, GROUPS, strata) + np.arange(strata, dtype=np.float32)) / np.float32(strata)).reshape(-1)
+        u = np.minimum(u, np.float32(1 - 2.0**-24))
+        points, normals = places.sample(np.repeat(rows, each), x, y)
+        direct = self._lamps(points, normals, generator, run)
+        indirect = np.zeros_like(direct)
+        carried = np.ones((count, 3), np.float32)
+        alive = np.arange(count)
+        directions = cosine_directions(normals, u[:, None], v[:, None])[:, 0]
+        for bounce in range(MOST_BOUNCES):
+            hits = self.geometry.visibility.hits(points, directions)
+            run.count(len(points))
+            met = hits.triangle >= 0
+            if not self.geometry.scene.sky.is_black:
+                missed = np.flatnonzero(~met)
+                light = np.float32(np.pi) * skies.radiance(self.geometry.scene.sky, directions[missed]) * carried[missed]
+                (direct if bounce == 0 else indirect)[alive[missed]] += light
+            here = np.flatnonzero(met)
+            if not len(here):
+                break
+            alive, carried = alive[here], carried[here]
+            triangle, a, b, front = hits.triangle[here], hits.u[here], hits.v[here], hits.front[here]
+            emission = self.geometry.emission(triangle, a, b)
+            emission[self._lamp[triangle]] = 0
+            (direct if bounce == 0 else indirect)[alive] += carried * emission
+            carried = carried * self.geometry.reflectance(triangle, a, b)
+            points = self.geometry.lifted(self.geometry.point(triangle, a, b), triangle, front)
+            normals = self.geometry.shading_normal(triangle, a, b)
+            normals = np.where(front[:, None], normals, -normals)
+            keep, carried = _roulette(carried, bounce, generator)
+            alive, carried, points, normals = alive[keep], carried[keep], points[keep], normals[keep]
+            if not len(alive):
+                break
+            indirect[alive] += carried * self._lamps(points, normals, generator, run)
+            u, v = generator.random((2, len(alive)), np.float32)
+            directions = cosine_directions(normals, u[:, None], v[:, None])[:, 0]
+        shape = (len(rows), GROUPS, strata, 3)
+        return direct.reshape(shape).mean(axis=2), indirect.reshape(shape).mean(axis=2)
+
+    def _lamps(self, points: Float, normals: Float, generator: np.random.Generator, run: Run) -> Float:
+        """Direct irradiance by one shadow ray to every lamp, or to one lamp drawn by power: (n, 3)."""
+        out = np.zeros((len(points), 3), np.float32)
+        if not self.lights:
+            return out
+        if len(self.lights) <= FEW_LAMPS:
+            for light in self.lights:
+                self._shadow(light, points, normals, np.arange(len(points)), np.float32(1), generator, out, run)
+            return out
+        chosen = generator.choice(len(self.lights), len(points), p=self._chance)
+        order = np.argsort(chosen, kind="stable")
+        bounds = np.searchsorted(chosen[order], np.arange(len(self.lights) + 1))
+        for number, light in enumerate(self.lights):
+            rows = order[bounds[number]:bounds[number + 1]]
+            if len(rows):
+                factor = np.float32(1 / self._chance[number])
+                self._shadow(light, points, normals, rows, factor, generator, out, run)
+        return out
+
+    def _shadow(self, light: Light, points: Float, normals: Float, rows: Int, factor: np.float32,
+                generator: np.random.Generator, out: Float, run: Run) -> None:
+        uv = generator.random((len(rows), 2), np.float32)
+        towards = light.sample(points[rows], normals[rows], uv)
+        lit = np.flatnonzero(towards.weight > 0)
+        if not len(lit):
+            return
+        reach = np.minimum(towards.distance[lit], np.float32(1e30)) * np.float32(1 - SHORTEN)
+        free = ~self.geometry.visibility.occluded(points[rows[lit]], towards.direction[lit], reach)
+        run.count(len(lit))
+        some = lit[free]
+        out[rows[some]] += (towards.weight[some] * factor)[:, None] * light.colour
+
+
+def _roulette(carried: Float, bounce: int, generator: np.random.Generator) -> tuple[Int, Float]:
+    """Which paths go on, and what they carry then."""
+    if bounce < ROULETTE_FROM:
+        keep = np.flatnonzero(carried.any(axis=1))
+        return keep, carried
+    chance = np.minimum(carried.max(axis=1), np.float32(0.95))
+    stays = generator.random(len(carried), np.float32) < chance
+    carried = carried / np.maximum(chance, np.float32(1e-30))[:, None]
+    return np.flatnonzero(stays), carried
+
+
+def _brightness(light: Light, geometry: Geometry) -> float:
+    """A lamp's power for drawing one of many; a sun counts with what it sends through the scene's middle section."""
+    power = float(np.mean(light.power()))
+    if np.isfinite(power):
+        return power
+    extent = np.ptp(geometry.corners.reshape(-1, 3), axis=0) if len(geometry.corners) else np.ones(3)
+    return float(np.mean(light.colour)) * float(np.pi * (extent**2).sum() / 4)

@@ -1,0 +1,202 @@
+"""The way of the light. Read this file first: it lists the steps of a bake, in their order.
+
+    receivers   lumels of an unwrapped mesh, or points for mesh corners: position, normal, footprint
+    lamps       area, point, spot, sun, and emissive triangles bright enough to be worth a shadow ray
+    cells       every surface cut on its triangles' barycentric grids, filled when first met
+    patches     clusters of cells; only the smooth indirect light lives on them
+    rows        form factors F_ij: quasi-random rays from each patch, kept raw
+    solve       H = q + F (rho H), all channels at once
+    gather      the indirect light of every receiver: one more bounce, from cells and patches
+    direct      the lamps' light at every receiver: closed form times the part that shadow rays find free
+    audit       path tracing at random receivers says how wrong the bake is
+    finish      encode, dilate
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .audit import Auditor, error_bar
+from .cells import Cells
+from .direct import DirectLight
+from .energy import energy_balance
+from .errors import NothingToBake
+#from .finish import to_images
+from .footprints import ReceiverFootprints
+from .gather import Gather
+from .geometry import Geometry
+from .lumels import lumels as lay_out
+from .neighbours import neighbours
+from .parallel import Run
+from .patches import Patches
+from .plan import look_around, plan
+from .probes import probes, triangle_middles
+from .quantities import encode
+from .receivers import Receivers
+from .result import Bake, Lightmap, Solution, Stages, refuse_singular, report
+from .scene import Scene
+from .settings import Settings
+from .sources import light_sources
+from .transport import Transport
+#from .vertices import corner_receivers
+
+Float = NDArray[np.floating[Any]]
+Progress = Callable[[str, float], None]
+
+# Rays of a receiver in the pilot that finds the first patches, and in all.
+PILOT_RAYS = 16
+PILOT_TOTAL = 2**18
+# The audit's random numbers start here, so that it shares none with the bake.
+AUDIT_SEED = 0x5EED
+# Receivers whose direct light says how bright the scene is.
+LEVEL_SAMPLE = 2048
+
+
+class _Work:
+    """A scene on its way through the steps above."""
+
+    def __init__(self, scene: Scene, settings: Settings, progress: Progress | None,
+                 cancelled: Callable[[], bool] | None) -> None:
+        self.scene, self.settings = scene, settings
+        self.run = Run(settings.thread_count, progress, cancelled)
+        self.stages = Stages(self.run)
+        self.warnings: list[dict[str, Any]] = []
+        with self.stages("prepare"):
+            self.geometry = Geometry(scene)
+            self.lights, self.sampled_emitter = light_sources(self.geometry)
+            if not (self.lights or np.any(scene.emission) or not scene.sky.is_black):
+                raise NothingToBake("the scene has no light: add a lamp, an emissive material or a world colour")
+            notice = self.geometry.visibility.notice
+            if notice:
+                self.warnings.append({"object": "", "code": "slow_rays", "message": notice})
+            self.direct = DirectLight(self.geometry, self.lights, settings.seed)
+
+    def transport(self, receivers: Receivers, places: ReceiverFootprints) -> Transport:
+        """Cells, patches, rows, solved, for what these receivers can see."""
+        seed = self.settings.seed
+        with self.stages("patches"):
+            self.plan = plan(self.settings.error, look_around(self.geometry, places, seed))
+            cells = Cells(self.geometry, self.plan.cell_size)
+            low, high = receivers.position.min(axis=0), receivers.position.max(axis=0)
+            patches = Patches(self.plan.patch_size, low, high)
+            transport = Transport(self.geometry, self.direct, self.sampled_emitter, cells, patches, seed, self.run)
+            step = max(1, len(places) * PILOT_RAYS // PILOT_TOTAL)
+            Gather(transport, PILOT_RAYS, seed + 1).meet(places, np.arange(0, len(places), step), self.run)
+        with self.stages("form factors"):
+            transport.discover(self.plan.row_rays)
+        with self.stages("solve"):
+            self.linear = transport.solve()
+            refuse_singular(self.linear, self.scene)
+        return transport
+
+    def light(self, receivers: Receivers, near: NDArray[np.int32] | None = None) -> tuple[Float, Float]:
+        """Direct (with the sky's and gathered emitters') and indirect irradiance of receivers: (n, 3) each, W/m2."""
+        seed = self.settings.seed
+        places = ReceiverFootprints(self.geometry, receivers, self.settings.footprint, seed)
+        self.transported = self.transport(receivers, places)
+        with self.stages("gather"):
+            first, bounced = Gather(self.transported, self.plan.gather_rays, seed).light(places, self.run)
+        with self.stages("direct"):
+            sample = receivers.take(np.linspace(0, len(receivers) - 1, min(len(receivers), LEVEL_SAMPLE)).astype(int))
+            few = ReceiverFootprints(self.geometry, sample, self.settings.footprint, seed)
+            level = float(self.direct.irradiance(few, self.run).mean() + first.mean() + bounced.mean())
+            tolerance = level * self.settings.error * self.plan.direct_share
+            direct = first + self.direct.irradiance(places, self.run, tolerance, neighbours=near)
+        with self.stages("audit"):
+            self.error = self._audit(places, direct, bounced)
+        return direct, bounced
+
+    def _audit(self, places: ReceiverFootprints, direct: Float, bounced: Float) -> Any:
+        random = np.random.default_rng([AUDIT_SEED, self.settings.seed])
+        count = min(len(places), self.plan.audit_lumels)
+        rows = np.sort(random.choice(len(places), count, replace=False))
+        auditor = Auditor(self.geometry, self.lights, self.sampled_emitter, AUDIT_SEED + self.settings.seed)
+        truth = auditor.truth(places, rows, self.plan.audit_paths, self.run)
+        return error_bar(_passes(direct[rows], bounced[rows], self.settings.passes), truth.groups(self.settings.passes))
+
+
+def bake(scene: Scene, settings: Settings, progress: Progress | None = None,
+         cancelled: Callable[[], bool] | None = None) -> Bake:
+    """Bake a scene: the whole way of the light.
+
+    Parameters
+    ----------
+    scene, settings : what to bake, and how well.
+    progress : called with (stage, fraction), from worker threads too.
+    cancelled : asked now and then whether to stop.
+
+    Returns
+    -------
+    Bake
+        Lightmaps (or corner colours), the layout, and the report.
+
+    Raises
+    ------
+    NothingToBake, UnwrapError, SceneError, Cancelled
+        See `solver.errors`.
+    """
+    work = _Work(scene, settings, progress, cancelled)
+    if settings.target == "vertex":
+        return _bake_vertices(work)
+    with work.stages("lumels"):
+        lumels = lay_out(scene, settings, work.warnings, work.run.report)
+        near = neighbours(lumels)
+    direct, bounced = work.light(lumels.receivers, near)
+    with work.stages("finish"):
+        triangle = lumels.receivers.triangle
+        albedo = work.geometry.reflectance(triangle, *lumels.receivers.barycentric.T)
+        values = encode(_passes(direct, bounced, settings.passes), settings.quantity, albedo)
+        images = to_images(lumels, values, settings)
+        lightmaps = tuple(
+            Lightmap(page.name, pixels, tuple(surface.name for surface, place in
+                                              zip(scene.surfaces, lumels.page_of_surface, strict=True) if place == number))
+            for number, (page, pixels) in enumerate(zip(lumels.pages, images, strict=True)))
+    return Bake(lightmaps, lumels.uv, lumels.page_of_surface, None, _report(work, len(lumels)))
+
+
+def _bake_vertices(work: _Work) -> Bake:
+    with work.stages("lumels"):
+        receivers, fit = corner_receivers(work.scene, work.settings)
+    direct, bounced = work.light(receivers)
+    with work.stages("finish"):
+        albedo = work.geometry.reflectance(receivers.triangle, *receivers.barycentric.T)
+        values = encode(_passes(direct, bounced, work.settings.passes), work.settings.quantity, albedo)
+        colours = tuple(fit(values))
+    nowhere = np.full(len(work.scene.surfaces), -1, np.int32)
+    return Bake((), tuple(None for _ in work.scene.surfaces), nowhere, colours, _report(work, len(receivers)))
+
+
+def solve(scene: Scene, settings: Settings) -> Solution:
+    """The radiosity solution on patches alone, seen from every triangle of the scene.
+
+    Returns
+    -------
+    Solution
+        Radiosity and irradiance (t, 3) W/m2 of each triangle's front, the linear solver's outcome, statistics.
+    """
+    work = _Work(scene, settings, None, None)
+    receivers = triangle_middles(work.geometry)
+    places = ReceiverFootprints(work.geometry, receivers, settings.footprint, settings.seed)
+    transport = work.transport(receivers, places)
+    return Solution.of(work.geometry, transport, work.linear, work.stages)
+
+
+def irradiance(scene: Scene, settings: Settings, points: Float, normals: Float) -> Float:
+    """Irradiance at receivers anywhere: points (n, 3) metres, normals (n, 3) -> (n, 3) float32, W/m2."""
+    work = _Work(scene, settings, None, None)
+    direct, bounced = work.light(probes(scene, points, normals))
+    return _passes(direct, bounced, settings.passes)
+
+
+def _passes(direct: Float, bounced: Float, passes: str) -> Float:
+    return {"direct": direct, "indirect": bounced}.get(passes, direct + bounced)
+
+
+def _report(work: _Work, lumels: int) -> dict[str, Any]:
+    balance = energy_balance(work.transported)
+    return report(work.scene, work.settings, work.stages, lumels, work.transported, work.error, balance, work.linear,
+                  work.warnings)

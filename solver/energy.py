@@ -1,0 +1,59 @@
+"""Where the light goes: what is emitted is absorbed or escapes. What is missing says how good the form factors are."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .cells import NOTHING
+from .transport import Transport
+
+Float = NDArray[np.floating[Any]]
+
+
+@dataclass(frozen=True)
+class EnergyBalance:
+    """Flux in watts, the mean of the three channels, over all surfaces that light reaches from the receivers' side.
+
+    emitted : what lamps and sky send onto these surfaces, and what the surfaces emit themselves.
+    absorbed : what the surfaces keep.
+    escaped : what leaves them towards the sky.
+    imbalance : 1 - (absorbed + escaped) / emitted.
+    """
+
+    emitted: float
+    absorbed: float
+    escaped: float
+
+    @property
+    def imbalance(self) -> float:
+        """The part of what is emitted that is neither absorbed nor escapes."""
+        return 1 - (self.absorbed + self.escaped) / self.emitted if self.emitted > 0 else 0.0
+
+
+def energy_balance(transport: Transport) -> EnergyBalance:
+    """Add up the solved patches."""
+    area = transport.cells.area(transport.cells.side)
+    count = len(transport.patches)
+    patch = transport.cell_patch
+    size = np.bincount(patch, area, count)
+
+    def total(values: Float) -> Float:
+        return np.bincount(patch, area * values.mean(axis=1), count)
+
+    solved = ~np.isnan(transport.irradiance[:, 0])
+    indirect = np.nan_to_num(transport.irradiance)[patch]
+    emission = total(transport.cell_emission)
+    landed = total(transport.cell_incident)
+    absorbed = total((1 - transport.cell_reflectance) * (transport.cell_incident + indirect))
+    leaving = total(transport.leaving()[:-1])
+    sky = np.zeros(count)
+    free = np.zeros(count)
+    for rows in transport.rows:
+        sky[rows.patch] = rows.sky.mean(axis=1) * size[rows.patch]
+        free[rows.patch] = (rows.hits == NOTHING).mean(axis=1)
+    part = [float(values[solved].sum()) for values in (emission + landed + sky, absorbed, leaving * free)]
+    return EnergyBalance(*part)

@@ -1,0 +1,106 @@
+"""Where on its footprint a sample lies: one protocol for lumels, mesh corners, probes and cells."""
+
+from __future__ import annotations
+
+from typing import Any, Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .cells import Cells
+from .geometry import Geometry
+from .receivers import Receivers
+from .sampling import uniform
+
+Float = NDArray[np.floating[Any]]
+Int = NDArray[np.integer[Any]]
+
+# Draws of a place on the footprint that fall off the triangle, before its centre is taken (as Cycles does).
+TRIES = 10
+
+
+class Footprints(Protocol):
+    """Small pieces of surface whose mean light is wanted."""
+
+    identity: NDArray[np.int64]
+
+    def __len__(self) -> int: ...
+
+    def sample(self, rows: Int, x: Float, y: Float) -> tuple[Float, Float]:
+        """Points lifted off the surface and unit normals, (n, 3) each, at (x, y) in [0, 1)^2 of footprints `rows`."""
+        ...
+
+
+class ReceiverFootprints:
+    """The part of a texel (or of nothing, for a probe) that a receiver is the mean of.
+
+    Parameters
+    ----------
+    geometry, receivers : the surfaces and the points on them.
+    part : `Settings.footprint`.
+    """
+
+    def __init__(self, geometry: Geometry, receivers: Receivers, part: float, seed: int) -> None:
+        self.geometry, self.receivers = geometry, receivers
+        self.identity = np.arange(len(receivers), dtype=np.int64)
+        self._seed = seed
+        self._step = receivers.footprint * np.float32(part)
+        self._free = receivers.triangle < 0
+        self._any_free = bool(self._free.any())
+
+    def __len__(self) -> int:
+        return len(self.receivers)
+
+    def sample(self, rows: Int, x: Float, y: Float) -> tuple[Float, Float]:
+        """See Footprints."""
+        triangle = self.receivers.triangle[rows]
+        centre, step = self.receivers.barycentric[rows], self._step[rows]
+        place = self._offset(centre, step, x, y)
+        lost = _outside(place)
+        lost &= ~_outside(centre)
+        for attempt in range(1, TRIES):
+            again = np.flatnonzero(lost)
+            if not len(again):
+                break
+            key = rows[again].astype(np.int64) * 1_000_003 + (x[again] * 2.0**24).astype(np.int64)
+            place[again] = self._offset(centre[again], step[again], uniform(key, 2 * attempt, self._seed),
+                                        uniform(key, 2 * attempt + 1, self._seed))
+            lost[again] = _outside(place[again])
+        place[lost] = centre[lost]
+        if self._any_free:
+            triangle = np.maximum(triangle, 0)
+        u, v = place[:, 0], place[:, 1]
+        points = self.geometry.lifted(self.geometry.point(triangle, u, v), triangle, np.ones(len(rows), bool))
+        normals = self.geometry.shading_normal(triangle, u, v)
+        if self._any_free:
+            free = self._free[rows]
+            normals[free] = self.receivers.normal[rows[free]]
+            points[free] = self.receivers.position[rows[free]] + normals[free] * self.geometry.visibility.offset
+        return points, normals
+
+    @staticmethod
+    def _offset(centre: Float, step: Float, x: Float, y: Float) -> Float:
+        return centre + step[:, 0] * (x - np.float32(0.5))[:, None] + step[:, 1] * (y - np.float32(0.5))[:, None]
+
+
+class CellFootprints:
+    """Sides of cells."""
+
+    def __init__(self, cells: Cells, sides: NDArray[np.int64]) -> None:
+        self.cells = cells
+        self.identity = sides
+
+    def __len__(self) -> int:
+        return len(self.identity)
+
+    def sample(self, rows: Int, x: Float, y: Float) -> tuple[Float, Float]:
+        """See Footprints."""
+        triangle, u, v, front = self.cells.places(self.identity[rows], x, y)
+        geometry = self.cells.geometry
+        points = geometry.lifted(geometry.point(triangle, u, v), triangle, front)
+        normals = geometry.shading_normal(triangle, u, v)
+        return points, np.where(front[:, None], normals, -normals)
+
+
+def _outside(place: Float) -> NDArray[np.bool_]:
+    return (place[:, 0] < 0) | (place[:, 1] < 0) | (place[:, 0] + place[:, 1] > 1)

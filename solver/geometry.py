@@ -1,0 +1,116 @@
+"""The scene made ready for rays: float32 about the scene's origin, with normals, areas and surface lookups."""
+
+from __future__ import annotations
+
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .scene import Scene, Texture
+from .visibility import Visibility
+
+Float = NDArray[np.floating[Any]]
+Int = NDArray[np.integer[Any]]
+
+
+class Geometry:
+    """Triangles about the scene's origin.
+
+    Attributes
+    ----------
+    corners : (t, 3, 3) float32, metres, relative to `scene.origin`.
+    normal : (t, 3) float32 unit geometric normals; zero for a triangle without area.
+    area : (t,) float32, m2.
+    """
+
+    def __init__(self, scene: Scene) -> None:
+        self.scene = scene
+        relative = (scene.vertices - scene.origin)[scene.triangles]
+        cross = np.cross(relative[:, 1] - relative[:, 0], relative[:, 2] - relative[:, 0])
+        length = np.linalg.norm(cross, axis=1)
+        self.corners = np.asarray(relative, np.float32)
+        self.area = np.asarray(length / 2, np.float32)
+        self.normal = np.asarray(cross / np.maximum(length, 1e-300)[:, None], np.float32)
+        self._base = np.ascontiguousarray(self.corners[:, 0])
+        self._edge1 = np.ascontiguousarray(self.corners[:, 1] - self.corners[:, 0])
+        self._edge2 = np.ascontiguousarray(self.corners[:, 2] - self.corners[:, 0])
+        self._textured = bool((scene.reflectance_texture >= 0).any()) if len(self.area) else False  # type: ignore[operator]
+
+    @cached_property
+    def visibility(self) -> Visibility:
+        """The rays' side of it."""
+        return Visibility(self.corners)
+
+    def point(self, triangle: Int, u: Float, v: Float) -> Float:
+        """(n, 3) float32: the point at barycentric (u, v) of each triangle."""
+        out = self._edge1[triangle]
+        out *= u[:, None]
+        second = self._edge2[triangle]
+        second *= v[:, None]
+        out += second
+        out += self._base[triangle]
+        return out
+
+    def shading_normal(self, triangle: Int, u: Float, v: Float) -> Float:
+        """(n, 3) float32 unit normals, interpolated where the surface is smooth."""
+        corner = self.scene.corner_normals
+        if corner is None:
+            return self.normal[triangle]
+        blended = corner[triangle, 0] * (1 - u - v)[:, None]
+        blended += corner[triangle, 1] * u[:, None]
+        blended += corner[triangle, 2] * v[:, None]
+        length = np.sqrt(np.einsum("ij,ij->i", blended, blended))
+        return np.where(length[:, None] > 1e-6, blended / np.maximum(length, 1e-6)[:, None], self.normal[triangle])
+
+    def lifted(self, points: Float, triangle: Int, front: NDArray[np.bool_]) -> Float:
+        """The points, moved off their triangles to the side that is asked for, so that a ray does not meet its start."""
+        side = np.where(front, self.visibility.offset, -self.visibility.offset).astype(np.float32)
+        return points + self.normal[triangle] * side[:, None]
+
+    def reflectance(self, triangle: Int, u: Float, v: Float) -> Float:
+        """(n, 3) float32 diffuse reflectance at barycentric points."""
+        out = self.scene.reflectance[triangle]  # type: ignore[index]
+        if self._textured:
+            out = out * self._textures(self.scene.reflectance_texture, triangle, u, v)  # type: ignore[arg-type]
+            np.minimum(out, 1.0, out=out)
+        return out
+
+    def emission(self, triangle: Int, u: Float, v: Float) -> Float:
+        """(n, 3) float32 radiant exitance (W/m2) at barycentric points."""
+        out = self.scene.emission[triangle]  # type: ignore[index]
+        if (self.scene.emission_texture[triangle] >= 0).any():  # type: ignore[index]
+            out = out * self._textures(self.scene.emission_texture, triangle, u, v)  # type: ignore[arg-type]
+        return out
+
+    def _textures(self, index_of: Int, triangle: Int, u: Float, v: Float) -> Float:
+        out = np.ones((len(triangle), 3), np.float32)
+        index = index_of[triangle]
+        if self.scene.uv is None:
+            return out
+        order = np.argsort(index, kind="stable")
+        bounds = np.searchsorted(index[order], np.arange(len(self.scene.textures) + 1))
+        for number, texture in enumerate(self.scene.textures):
+            rows = order[bounds[number]:bounds[number + 1]]
+            if len(rows):
+                corner = self.scene.uv[triangle[rows]]
+                weight_u, weight_v = u[rows, None], v[rows, None]
+                place = corner[:, 0] * (1 - weight_u - weight_v) + corner[:, 1] * weight_u + corner[:, 2] * weight_v
+                out[rows] = texture_lookup(texture, place)
+        return out
+
+
+def texture_lookup(texture: Texture, uv: Float) -> Float:
+    """(n, 3) float32: the texture at uv (n, 2), repeated, bilinear."""
+    height, width = texture.pixels.shape[:2]
+    flat = texture.pixels.reshape(-1, 3)
+    x = (uv[:, 0] - np.floor(uv[:, 0])) * width - np.float32(0.5)
+    y = (uv[:, 1] - np.floor(uv[:, 1])) * height - np.float32(0.5)
+    left, low = np.floor(x).astype(np.int32), np.floor(y).astype(np.int32)
+    part_x, part_y = (x - left)[:, None], (y - low)[:, None]
+    left, right = left % width, (left + 1) % width
+    low, high = low % height * width, (low + 1) % height * width
+    bottom = flat[low + left] * (1 - part_x) + flat[low + right] * part_x
+    top = flat[high + left] * (1 - part_x) + flat[high + right] * part_x
+    return np.asarray(bottom * (1 - part_y) + top * part_y, np.float32)

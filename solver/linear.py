@@ -1,0 +1,112 @@
+"""The linear system of radiosity, for all channels and light groups at once.
+
+    H = q + F (rho H)
+
+GMRES (Saad & Schultz 1986) on I - F rho, restarted, with modified Gram-Schmidt. Krylov spaces find the few slow
+modes (one a room) by themselves, so that the count of products hardly depends on the reflectance.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+Float = NDArray[np.floating[Any]]
+
+# Stop when the residual is below this part of the right-hand side (2-norms).
+TOLERANCE = 1e-6
+# Steps before the Krylov space is thrown away; METHODS counts 10 to 16 for the hardest rooms.
+RESTART = 30
+MOST_PRODUCTS = 300
+# A residual that a whole restart did not bring below this part of its start has stalled: the system is singular.
+STALL = 0.9
+
+
+@dataclass(frozen=True, eq=False)
+class LinearResult:
+    """What a solve returns.
+
+    value : shaped like the right-hand side.
+    outcome : "converged", "stalled" (a closed scene that absorbs nothing has no solution), or "capped".
+    residuals : relative residual after every product.
+    """
+
+    value: Float
+    outcome: str
+    residuals: tuple[float, ...]
+
+    @property
+    def products(self) -> int:
+        """Matrix products spent."""
+        return len(self.residuals)
+
+
+def solve_linear(apply: Callable[[Float], Float], right: Float, tolerance: float = TOLERANCE,
+                 check: Callable[[], None] | None = None) -> LinearResult:
+    """Solve x - apply(x) = right.
+
+    Parameters
+    ----------
+    apply : a linear function from and to the shape of `right`; its spectral radius is below 1.
+    right : any shape; all columns share one Krylov space.
+    check : called before every product, to stop the work by an exception.
+    """
+    shape = right.shape
+    b = np.asarray(right, np.float64).reshape(-1)
+    norm = float(np.linalg.norm(b))
+    x = np.zeros_like(b)
+    residuals: list[float] = []
+    if norm == 0:
+        return LinearResult(np.zeros(shape), "converged", ())
+
+    def operator(vector: Float) -> Float:
+        if check is not None:
+            check()
+        return vector - np.asarray(apply(vector.reshape(shape)), np.float64).reshape(-1)
+
+    outcome = "capped"
+    residual = b.copy()
+    while len(residuals) < MOST_PRODUCTS:
+        start = float(np.linalg.norm(residual)) / norm
+        step, history = _cycle(operator, residual, norm, tolerance, MOST_PRODUCTS - len(residuals))
+        x += step
+        residuals += history
+        residual = b - operator(x)
+        now = float(np.linalg.norm(residual)) / norm
+        residuals.append(now)
+        if now <= tolerance * 1.01:
+            outcome = "converged"
+            break
+        if now > STALL * start:
+            outcome = "stalled"
+            break
+    return LinearResult(x.reshape(shape), outcome, tuple(residuals))
+
+
+def _cycle(operator: Callable[[Float], Float], residual: Float, norm: float, tolerance: float,
+           most: int) -> tuple[Float, list[float]]:
+    """One restart: the step that makes the residual smallest in the Krylov space, and its history."""
+    steps = max(1, min(RESTART, most))
+    beta = float(np.linalg.norm(residual))
+    basis = [residual / beta]
+    hessenberg = np.zeros((steps + 1, steps))
+    history: list[float] = []
+    y = np.zeros(0)
+    for k in range(steps):
+        vector = operator(basis[k])
+        for j in range(k + 1):
+            hessenberg[j, k] = basis[j] @ vector
+            vector = vector - hessenberg[j, k] * basis[j]
+        hessenberg[k + 1, k] = np.linalg.norm(vector)
+        right = np.zeros(k + 2)
+        right[0] = beta
+        y = np.linalg.lstsq(hessenberg[: k + 2, : k + 1], right, rcond=None)[0]
+        history.append(float(np.linalg.norm(right - hessenberg[: k + 2, : k + 1] @ y)) / norm)
+        if history[-1] <= tolerance or hessenberg[k + 1, k] <= 1e-14 * beta:
+            break
+        basis.append(vector / hessenberg[k + 1, k])
+    return np.asarray(sum(weight * vector for weight, vector in zip(y, basis, strict=False))), history

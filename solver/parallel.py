@@ -1,0 +1,87 @@
+"""Work in chunks over threads: the same chunks, the same sums, whatever the number of threads."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable
+from concurrent.futures import FIRST_COMPLETED, Future, ThreadPoolExecutor, wait
+from dataclasses import dataclass, field
+from typing import Any, TypeVar
+
+from .errors import Cancelled
+
+Result = TypeVar("Result")
+
+
+@dataclass
+class Run:
+    """What every stage of a bake is handed: threads, progress, the wish to stop, and a count of rays.
+
+    Parameters
+    ----------
+    threads : worker threads.
+    progress : called with (stage, fraction in [0, 1]), from any thread.
+    cancelled : asked between chunks whether to stop.
+    """
+
+    threads: int = 1
+    progress: Callable[[str, float], None] | None = None
+    cancelled: Callable[[], bool] | None = None
+    rays: dict[str, int] = field(default_factory=dict)
+    stage: str = ""
+
+    def count(self, rays: int) -> None:
+        """Add rays to the current stage."""
+        self.rays[self.stage] = self.rays.get(self.stage, 0) + rays
+
+    def check(self) -> None:
+        """Raise Cancelled if the user wants to stop."""
+        if self.cancelled is not None and self.cancelled():
+            raise Cancelled("cancelled: nothing was changed")
+
+    def report(self, fraction: float) -> None:
+        """Tell how far the current stage is."""
+        if self.progress is not None:
+            self.progress(self.stage, min(1.0, fraction))
+
+    def map(self, work: Callable[..., Result], pieces: Iterable[Any]) -> list[Result]:
+        """`work` of every piece, in the order of the pieces; a few pieces ahead of the workers at most."""
+        pieces = list(pieces)
+        results: list[Any] = [None] * len(pieces)
+        if self.threads == 1 or len(pieces) == 1:
+            for index, piece in enumerate(pieces):
+                self.check()
+                results[index] = work(piece)
+                self.report((index + 1) / len(pieces))
+            return results
+        with ThreadPoolExecutor(self.threads) as pool:
+            waiting: dict[Future[Result], int] = {}
+            done = 0
+            try:
+                for index, piece in enumerate(pieces):
+                    self.check()
+                    waiting[pool.submit(work, piece)] = index
+                    if len(waiting) >= 2 * self.threads:
+                        done += self._collect(waiting, results)
+                        self.report(done / len(pieces))
+                while waiting:
+                    self.check()
+                    done += self._collect(waiting, results)
+                    self.report(done / len(pieces))
+            except BaseException:
+                for future in waiting:
+                    future.cancel()
+                raise
+        return results
+
+    @staticmethod
+    def _collect(waiting: dict[Future[Any], int], results: list[Any]) -> int:
+        finished, _ = wait(waiting, return_when=FIRST_COMPLETED)
+        for future in finished:
+            results[waiting.pop(future)] = future.result()
+        return len(finished)
+
+
+def slices(count: int, size: int) -> list[slice]:
+    """`count` things in runs of `size`."""
+    size = max(1, size)
+    return [slice(start, min(start + size, count)) for start in range(0, count, size)]

@@ -1,0 +1,89 @@
+"""Quasi-Monte-Carlo points and random shifts that depend on nothing but an identity and a seed.
+
+A point set is an additive recurrence (Kronecker) on the roots of x^(d+1) = x + 1, moved by a random shift per
+receiver (Cranley & Patterson 1976). Sets can be continued: the first n points of a longer one are the shorter one.
+"""
+
+from __future__ import annotations
+
+from functools import cache
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+Float = NDArray[np.floating[Any]]
+
+
+@cache
+def _steps(dimensions: int) -> NDArray[np.float64]:
+    root = 2.0
+    for _ in range(64):
+        root = (1.0 + root) ** (1.0 / (dimensions + 1))
+    return np.asarray((1.0 / root) ** np.arange(1, dimensions + 1))
+
+
+def kronecker(count: int, dimensions: int, start: int = 0) -> Float:
+    """Points start ... start + count - 1 of the recurrence: (count, dimensions) float32 in [0, 1)."""
+    index = np.arange(start + 1, start + count + 1, dtype=np.float64)[:, None]
+    return np.asarray((index * _steps(dimensions)) % 1.0, np.float32)
+
+
+def uniform(identity: NDArray[Any], dimension: int, seed: int) -> Float:
+    """A random number in [0, 1) for every identity: (n,) float32, the same wherever and whenever it is asked.
+
+    Notes
+    -----
+    The finaliser of MurmurHash3 (Appleby 2008) over 64 bits, with the dimension and the seed mixed in before.
+    """
+    with np.errstate(over="ignore"):
+        key = np.asarray(identity).astype(np.uint64)
+        key = key * np.uint64(0x9E3779B97F4A7C15) + np.uint64((dimension * 0xD1B54A32D192ED03 + seed * 0x8CB92BA72F3D8DD7) % 2**64)
+        key ^= key >> np.uint64(33)
+        key *= np.uint64(0xFF51AFD7ED558CCD)
+        key ^= key >> np.uint64(33)
+        key *= np.uint64(0xC4CEB9FE1A85EC53)
+        key ^= key >> np.uint64(33)
+    # 24 bits: the most that a float32 below 1 holds.
+    return np.asarray((key >> np.uint64(40)).astype(np.float32) * np.float32(2.0**-24))
+
+
+def shifts(identity: NDArray[Any], dimensions: int, seed: int) -> Float:
+    """A random shift for every identity: (n, dimensions) float32 in [0, 1)."""
+    return np.stack([uniform(identity, dimension, seed) for dimension in range(dimensions)], axis=-1)
+
+
+def shifted(points: Float, shift: Float) -> Float:
+    """Points moved modulo 1: (n, k) from points (k,) and shift (n,), float32 in [0, 1)."""
+    moved = points[None, :] + shift[:, None]
+    moved -= moved >= 1.0
+    # Rounding can leave exactly 1, which a floor() downstream would count as the next cell.
+    return np.minimum(moved, np.float32(1.0 - 2.0**-24), out=moved)
+
+
+def frames(normals: Float) -> tuple[Float, Float]:
+    """Two tangents for every unit normal: (n, 3) each, right-handed (Duff et al. 2017)."""
+    x, y, z = normals[..., 0], normals[..., 1], normals[..., 2]
+    sign = np.copysign(np.float32(1.0), z)
+    a = -1.0 / (sign + z)
+    b = x * y * a
+    first = np.stack([1.0 + sign * x * x * a, sign * b, -sign * x], axis=-1)
+    second = np.stack([b, sign + y * y * a, -y], axis=-1)
+    return first, second
+
+
+def cosine_directions(normals: Float, u: Float, v: Float) -> Float:
+    """Directions with density cos(theta) / pi about the normals (Malley 1988).
+
+    normals (n, 3), u and v (n, k) in [0, 1) -> (n, k, 3) float32.
+    """
+    first, second = frames(normals)
+    radius = np.sqrt(u)
+    angle = np.float32(2.0 * np.pi) * v
+    x = radius * np.cos(angle)
+    y = radius * np.sin(angle)
+    z = np.sqrt(1.0 - u)
+    out = np.empty((*u.shape, 3), np.float32)
+    for axis in range(3):
+        out[..., axis] = x * first[:, None, axis] + y * second[:, None, axis] + z * normals[:, None, axis]
+    return out

@@ -1,0 +1,238 @@
+"""The transport side: cells with direct light, patches with indirect light, and the form factors between them.
+
+Nothing here knows a lumel. Whoever has rays asks `light_from(hits)`: what met cells have no value yet get one.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from . import sky as skies
+from .cells import NOTHING, Cells
+from .direct import DirectLight
+from .footprints import CellFootprints
+from .geometry import Geometry
+from .linear import LinearResult, solve_linear
+from .parallel import Run, slices
+from .patches import Patches
+from .sampling import cosine_directions, kronecker, shifted, shifts, uniform
+from .visibility import Hits
+
+Float = NDArray[np.floating[Any]]
+Int = NDArray[np.integer[Any]]
+
+CHUNK_RAYS = 2**17
+# Samples of reflectance, emission and direct light in a cell.
+CELL_SAMPLES = 4
+# Lamps that give less than this part of the unoccluded light at a cell are drawn with a probability.
+CELL_SMALL_SHARE = 0.1
+# Generations of patches that see patches that see ... before what is newly met is left to an average.
+MOST_WAVES = 8
+
+
+@dataclass(frozen=True, eq=False)
+class Rows:
+    """Form factors of a run of patches as ray hits, kept raw.
+
+    patch : (p,) int32.
+    hits : (p, rays) int32 rows of `cells`, NOTHING for the sky: F_ij is the part of row i that hits cells of j.
+    sky : (p, 3) float32, irradiance from the sky, W/m2.
+    """
+
+    patch: NDArray[np.int32]
+    hits: NDArray[np.int32]
+    sky: Float
+
+
+class Transport:
+    """Cells, patches and rows, growing as rays meet them.
+
+    Attributes
+    ----------
+    cell_direct : (cells, 3) float32, radiosity that does not come from patches: rho E_direct + emission, W/m2.
+    cell_reflectance : (cells, 3) float32.
+    cell_patch : (cells,) int32.
+    irradiance : (patches, 3) float32, indirect irradiance H of each patch with the sky's in it; nan where unsolved.
+    """
+
+    def __init__(self, geometry: Geometry, direct: DirectLight, sampled_emitter: NDArray[np.bool_], cells: Cells,
+                 patches: Patches, seed: int, run: Run) -> None:
+        self.geometry, self.direct, self.cells, self.patches = geometry, direct, cells, patches
+        self._sampled_emitter = sampled_emitter
+        self._seed, self._run = seed, run
+        self.cell_direct = np.empty((0, 3), np.float32)
+        self.cell_incident = np.empty((0, 3), np.float32)
+        self.cell_emission = np.empty((0, 3), np.float32)
+        self.cell_reflectance = np.empty((0, 3), np.float32)
+        self.cell_patch = np.empty(0, np.int32)
+        self.irradiance = np.empty((0, 3), np.float32)
+        self.rows: list[Rows] = []
+        self._leaving: Float | None = None
+
+    # --- cells ---------------------------------------------------------------------------------------------------
+    def meet(self, sides: NDArray[np.int64]) -> None:
+        """Give every met side of a cell its direct light, reflectance and patch."""
+        new = self.cells.meet(sides)
+        if new.start == new.stop:
+            return
+        fresh = self.cells.side[new]
+        reflectance, emission = self._materials(fresh)
+        incident = self.direct.irradiance(CellFootprints(self.cells, fresh), self._run, pilot=CELL_SAMPLES,
+                                          small_share=CELL_SMALL_SHARE)
+        self.cell_incident = np.concatenate([self.cell_incident, incident])
+        self.cell_emission = np.concatenate([self.cell_emission, emission])
+        self.cell_reflectance = np.concatenate([self.cell_reflectance, reflectance])
+        self.cell_direct = np.concatenate([self.cell_direct, reflectance * incident + emission])
+        self.cell_patch = np.concatenate([self.cell_patch, self.patches.of(self.cells, fresh)])
+        more = len(self.patches) - len(self.irradiance)
+        self.irradiance = np.concatenate([self.irradiance, np.full((more, 3), np.nan, np.float32)])
+        self._leaving = None
+
+    def _materials(self, sides: NDArray[np.int64]) -> tuple[Float, Float]:
+        """Mean reflectance and mean emission that is gathered (not sampled as a lamp) of each side."""
+        points = kronecker(CELL_SAMPLES, 2)
+
+        def work(part: slice) -> tuple[Float, Float]:
+            these = sides[part]
+            move = shifts(these, 2, self._seed + 31)
+            x = shifted(points[:, 0], move[:, 0]).reshape(-1)
+            y = shifted(points[:, 1], move[:, 1]).reshape(-1)
+            triangle, u, v, _ = self.cells.places(np.repeat(these, CELL_SAMPLES), x, y)
+            reflectance = self.geometry.reflectance(triangle, u, v).reshape(-1, CELL_SAMPLES, 3).mean(axis=1)
+            emission = self.geometry.emission(triangle, u, v).reshape(-1, CELL_SAMPLES, 3).mean(axis=1)
+            emission[self._sampled_emitter[triangle[::CELL_SAMPLES]]] = 0
+            return reflectance, emission
+
+        parts = self._run.map(work, slices(len(sides), CHUNK_RAYS // CELL_SAMPLES))
+        return np.concatenate([part[0] for part in parts]), np.concatenate([part[1] for part in parts])
+
+    # --- rays ----------------------------------------------------------------------------------------------------
+    def trace(self, origins: Float, directions: Float) -> tuple[Hits, NDArray[np.int64], Float]:
+        """Hits, sides of cells met (NOTHING for the sky), and the sky's radiance where nothing is met (n, 3)."""
+        hits = self.geometry.visibility.hits(origins, directions)
+        sides = self.cells.sides(hits.triangle, hits.u, hits.v, hits.front)
+        sky = np.zeros((len(sides), 3), np.float32)
+        missed = np.flatnonzero(sides == NOTHING)
+        if len(missed) and not self.geometry.scene.sky.is_black:
+            sky[missed] = skies.radiance(self.geometry.scene.sky, directions[missed])
+        self._run.count(len(sides))
+        return hits, sides, sky
+
+    def leaving(self) -> Float:
+        """(cells + 1, 3) float32: radiosity of every met side of a cell, B = E + rho H; the last row is nothing."""
+        if self._leaving is None:
+            known = np.nan_to_num(self.irradiance[self.cell_patch])
+            self._leaving = np.concatenate([self.cell_direct + self.cell_reflectance * known, np.zeros((1, 3), np.float32)])
+        return self._leaving
+
+    def emission(self) -> Float | None:
+        """(cells + 1, 3): the part of `leaving` that is emitted; None if all emitters are lamps."""
+        if not self.cell_emission.any():
+            return None
+        return np.concatenate([self.cell_emission, np.zeros((1, 3), np.float32)])
+
+    # --- rows ----------------------------------------------------------------------------------------------------
+    def trace_rows(self, patches: NDArray[np.int32], rays: int) -> list[Rows]:
+        """Trace the rows of some patches; cells that are met on the way get their light, and may make new patches."""
+        traced = []
+        for part in slices(len(patches), max(1, 2**22 // rays)):
+            these = patches[part]
+            order, first, total = self._members()
+            pieces = self._run.map(lambda piece, these=these: self._row_rays(these[piece], rays, order, first, total),  # type: ignore[misc]
+                                   slices(len(these), max(1, CHUNK_RAYS // rays)))
+            sides = np.concatenate([piece[0] for piece in pieces])
+            self.meet(sides.reshape(-1))
+            hits = self.cells.rows(sides.reshape(-1)).reshape(sides.shape)
+            traced.append(Rows(these, hits, np.concatenate([piece[1] for piece in pieces])))
+        return traced
+
+    def _members(self) -> tuple[Int, Float, Int]:
+        """Met cells in the order of their patches, the running sum of their areas, and where each patch begins."""
+        order = np.argsort(self.cell_patch, kind="stable")
+        area = self.cells.area(self.cells.side[order]).astype(np.float64)
+        running = np.concatenate([[0.0], np.cumsum(area)])
+        begins = np.searchsorted(self.cell_patch[order], np.arange(len(self.patches) + 1))
+        return order, running, begins
+
+    def _row_rays(self, patches: NDArray[np.int32], rays: int, order: Int, running: Float,
+                  begins: Int) -> tuple[NDArray[np.int64], Float]:
+        """Sides that the rays of some rows meet (p, rays), and the sky's irradiance (p, 3)."""
+        low, high = running[begins[patches]], running[begins[patches + 1]]
+        # A patch is known by its first member's side: the same points whatever its number.
+        identity = self.cells.side[order[begins[patches]]]
+        move = shifts(identity, 4, self._seed + 57)
+        points = kronecker(rays, 4)
+        place, x, azimuth, height = (shifted(points[:, axis], move[:, axis]) for axis in range(4))
+        where = low[:, None] + place.astype(np.float64) * (high - low)[:, None]
+        member = np.searchsorted(running, where.reshape(-1), side="right") - 1
+        member = np.clip(member, np.repeat(begins[patches], rays), np.repeat(begins[patches + 1] - 1, rays))
+        side = self.cells.side[order[member]]
+        index = np.arange(len(side))
+        y = uniform(np.repeat(identity, rays) + index % rays * 7907, 5, self._seed)
+        points3, normals = CellFootprints(self.cells, side).sample(index, x.reshape(-1), y)
+        directions = cosine_directions(normals, height.reshape(-1, 1), azimuth.reshape(-1, 1))[:, 0]
+        _, sides, sky = self.trace(points3, directions)
+        return sides.reshape(-1, rays), np.float32(np.pi) * sky.reshape(-1, rays, 3).mean(axis=1)
+
+    # --- solve ---------------------------------------------------------------------------------------------------
+    def discover(self, rays: int) -> None:
+        """Trace the rows of all met patches, then of those that they met, and so on until none is new."""
+        done = 0
+        for wave in range(MOST_WAVES):
+            known = len(self.patches)
+            if known == done:
+                break
+            self.rows += self.trace_rows(np.arange(done, known, dtype=np.int32), rays)
+            done = known
+            self._run.report((wave + 1) / MOST_WAVES)
+
+    def solve(self) -> LinearResult:
+        """Solve H = q + F (rho H) on the patches that have a row; patches without one count as black until `late`."""
+        count = len(self.patches)
+        source = np.zeros((count, 3), np.float32)
+        table = np.concatenate([self.cell_direct, np.zeros((1, 3), np.float32)])
+        for rows in self.rows:
+            source[rows.patch] = rows.sky + self._mean(table, rows.hits)
+
+        def apply(irradiance: Float) -> Float:
+            out = np.zeros((count, 3), np.float32)
+            reflected = np.zeros((len(self.cell_patch) + 1, 3), np.float32)
+            reflected[:-1] = self.cell_reflectance * irradiance.astype(np.float32)[self.cell_patch]
+            for rows in self.rows:
+                out[rows.patch] = self._mean(reflected, rows.hits)
+            return out
+
+        result = solve_linear(apply, source, check=self._run.check)
+        solved = np.zeros(count, bool)
+        for rows in self.rows:
+            solved[rows.patch] = True
+        self.irradiance = np.where(solved[:, None], result.value, np.nan).astype(np.float32)
+        self._leaving = None
+        return result
+
+    def _mean(self, table: Float, hits: NDArray[np.int32]) -> Float:
+        """(p, 3): mean over each row's rays of a table of cells."""
+        size = max(1, 2**19 // hits.shape[1])
+        parts = self._run.map(lambda part: np.take(table, hits[part], axis=0).mean(axis=1, dtype=np.float32),
+                              slices(len(hits), size))
+        return np.concatenate(parts)
+
+    def late(self, rays: int) -> None:
+        """Give patches that were met after the solve their light: one gather each from what is solved."""
+        unknown = np.flatnonzero(np.isnan(self.irradiance[:, 0])).astype(np.int32)
+        if not len(unknown):
+            return
+        traced = self.trace_rows(unknown, rays)
+        known = np.append(~np.isnan(self.irradiance[self.cell_patch, 0]), True)
+        direct = np.concatenate([self.cell_direct, np.zeros((1, 3), np.float32)])
+        reflected = np.zeros_like(direct)
+        reflected[:-1] = self.cell_reflectance * np.nan_to_num(self.irradiance[self.cell_patch])
+        for rows in traced:
+            part = known[rows.hits].mean(axis=1, dtype=np.float32)[:, None]
+            indirect = self._mean(reflected, rows.hits) / np.maximum(part, 1 / rows.hits.shape[1])
+            self.irradiance[rows.patch] = rows.sky + self._mean(direct, rows.hits) + indirect
+        self._leaving = None
