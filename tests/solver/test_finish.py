@@ -3,7 +3,6 @@
 from types import SimpleNamespace
 
 import numpy as np
-
 from radiosity.solver.finish import dilate, to_images
 from radiosity.solver.receivers import Page
 from radiosity.solver.settings import Settings
