@@ -1,0 +1,92 @@
+"""Lightmaps as EXR files and as Blender images, which never take the place of what is not ours."""
+
+from __future__ import annotations
+
+import re
+import tempfile
+from pathlib import Path
+from typing import Any
+
+import bpy
+import numpy as np
+from numpy.typing import NDArray
+
+from ..solver import image_file
+from ..solver.errors import OutputError
+
+Float = NDArray[np.floating[Any]]
+
+# Custom property of all that we make in a .blend, and attribute of all files that we write.
+MARK = "radiosity_lightmaps"
+# What file systems don't take in names.
+FORBIDDEN = re.compile(r'[<>:"/\\|?*\x00-\x1f]')
+
+
+def write_file(folder: Path, name: str, pixels: Float, header: dict[str, str | float], taken: set[Path]) -> Path:
+    """Write `name`.exr into the folder; where a file of that name is not ours or is just written, `name`_2.exr and so on.
+
+    Raises
+    ------
+    OutputError
+        If it can't be written.
+    """
+    stem = FORBIDDEN.sub("_", name).strip(" .") or "Lightmap"
+    path, number = folder / f"{stem}.exr", 1
+    while path in taken or (path.exists() and not is_our_file(path)):
+        number += 1
+        path = folder / f"{stem}_{number}.exr"
+    image_file.write_exr(path, pixels, {**header, MARK: 1.0})
+    taken.add(path)
+    return path
+
+
+def is_our_file(path: Path) -> bool:
+    """Whether we wrote an image file."""
+    try:
+        return MARK in image_file.read_layers(path)[1]
+    except OutputError:
+        return False
+
+
+def linked_image(name: str, path: Path, blend: str, *, pack: bool) -> Any:
+    """A Blender image of the file: relative to the .blend where that is possible, packed if asked."""
+    image = _loaded(name, path)
+    if pack:
+        image.pack()
+    image.filepath = _relative(path, blend)
+    return image
+
+
+def packed_image(name: str, pixels: Float) -> Any:
+    """A Blender image that lives in the .blend alone."""
+    with tempfile.TemporaryDirectory(prefix="radiosity-image-") as folder:
+        path = Path(folder) / "lightmap.exr"
+        image_file.write_exr(path, pixels, {MARK: 1.0})
+        image = _loaded(name, path)
+        # Packs the file's own bytes, 32 bit floats; an image filled through `pixels` would be packed by way of 16.
+        image.pack()
+        image.filepath = f"//{FORBIDDEN.sub('_', name)}.exr"
+        return image
+
+
+def _loaded(name: str, path: Path) -> Any:
+    """Load a file as an image called `name`; an image of ours with that name goes, a user's stays."""
+    image = bpy.data.images.load(str(path), check_existing=False)
+    image.colorspace_settings.name = "Linear Rec.709"
+    image[MARK] = True
+    image.use_fake_user = True
+    old = bpy.data.images.get(name)
+    if old is not None and old.library is None and MARK in old:
+        old.user_remap(image)
+        bpy.data.images.remove(old)
+    image.name = name
+    return image
+
+
+def _relative(path: Path, blend: str) -> str:
+    if not blend:
+        return str(path)
+    try:
+        return str(bpy.path.relpath(str(path)))
+    except ValueError:
+        return str(path)  # another drive

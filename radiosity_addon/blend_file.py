@@ -1,0 +1,46 @@
+"""Opening and saving .blend files, which Blender offers only as operators: the one file that calls `bpy.ops.wm`."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import bpy
+
+from ..solver.errors import OutputError, SettingsError
+
+
+def open_blend(path: Path) -> None:
+    """Open a .blend without its user interface, and without running scripts that it may hold.
+
+    Raises
+    ------
+    SettingsError
+        If there is no such file.
+    OutputError
+        If Blender can't read it.
+    """
+    if not path.is_file():
+        raise SettingsError(f"{path} does not exist: give the path of a .blend file")
+    try:
+        bpy.ops.wm.open_mainfile(filepath=str(path), load_ui=False, use_scripts=False)
+    except RuntimeError as cause:
+        raise OutputError(f"{path} can't be opened ({_first_line(cause)}): check that this Blender can read it") from cause
+
+
+def save_copy(path: Path) -> None:
+    """Save what is open to another .blend; the open one keeps its name and its state.
+
+    Raises
+    ------
+    OutputError
+        If the file can't be written.
+    """
+    try:
+        bpy.ops.wm.save_as_mainfile(filepath=str(path), copy=True, check_existing=False, relative_remap=True)
+    except RuntimeError as cause:
+        raise OutputError(f"{path} can't be written ({_first_line(cause)}): check the folder's rights and space") from cause
+
+
+def _first_line(cause: Exception) -> str:
+    text = str(cause).strip()
+    return text.splitlines()[0].removeprefix("Error: ") if text else type(cause).__name__

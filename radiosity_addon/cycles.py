@@ -1,0 +1,188 @@
+"""What Blender offers only as a render: Cycles renders a world to a map, and a render's own view of the scene.
+
+The only file that calls `bpy.ops.render`.
+"""
+
+from __future__ import annotations
+
+import tempfile
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any, TypeVar
+
+import bpy
+import numpy as np
+from numpy.typing import NDArray
+
+from ..solver import image_file
+from ..solver.errors import SceneError
+from . import compat
+
+Float = NDArray[np.floating[Any]]
+Result = TypeVar("Result")
+
+# Size of the map of a world, pixels: .35 degrees each.
+WORLD_WIDTH, WORLD_HEIGHT = 1024, 512
+# Samples of a pixel of it, spread over the whole pixel, so that its value is the pixel's mean.
+WORLD_SAMPLES = 16
+RENDER_RESULT = "Render Result"
+# The slot that our own renders go to where the user has a render to look at.
+SLOT = "Radiosity"
+
+
+def render_world(world: Any) -> Float:
+    """Radiance from every direction, (512, 1024, 3) float32, rows from straight down to straight up.
+
+    The middle column looks along +x, the one a quarter to its left along +y (see `solver.sky`).
+
+    Raises
+    ------
+    SceneError
+        If Cycles is not there or can't render the world.
+    """
+    with tempfile.TemporaryDirectory(prefix="radiosity-world-") as folder, _world_scene(world) as scene:
+        path = Path(folder) / "world.exr"
+        scene.render.filepath = str(path)
+        with _render_result_kept():
+            bpy.ops.render.render(write_still=True, scene=scene.name)
+        if not path.is_file():
+            raise SceneError(f"world {world.name!r} could not be rendered by Cycles: simplify its node tree")
+        return image_file.read_exr(path)
+
+
+def with_render_depsgraph(scene: Any, view_layer: Any, use: Callable[[Any], Result]) -> Result:
+    """Call `use` with the scene evaluated as for a render: what is visible there, with modifiers as set for it.
+
+    Python is handed such a dependency graph only as a render engine, so for this one call we are one. No pixel
+    is drawn.
+
+    Raises
+    ------
+    SceneError
+        If the view layer is switched off for rendering; and whatever `use` raises.
+    """
+    outcome: list[Result] = []
+    failure: list[BaseException] = []
+
+    class RADIOSITY_RE_evaluate(bpy.types.RenderEngine):
+        """Hands the dependency graph on."""
+
+        bl_idname = "RADIOSITY_EVALUATE"
+        bl_label = "Radiosity evaluation"
+        bl_use_postprocess = False
+
+        def render(self, depsgraph: Any) -> None:
+            if outcome or failure:
+                return  # a second view of a stereo scene
+            try:
+                outcome.append(use(depsgraph))
+            except BaseException as error:  # noqa: BLE001 - Blender would swallow it; it is raised again below
+                failure.append(error)
+
+    bpy.utils.register_class(RADIOSITY_RE_evaluate)
+    try:
+        with _changed(scene.render, engine=RADIOSITY_RE_evaluate.bl_idname, use_compositing=False, use_sequencer=False,
+                      use_lock_interface=False), _some_camera(scene), _render_result_kept():
+            bpy.ops.render.render(scene=scene.name, layer=view_layer.name)
+    finally:
+        bpy.utils.unregister_class(RADIOSITY_RE_evaluate)
+    if failure:
+        raise failure[0]
+    if not outcome:
+        raise SceneError(f"view layer {view_layer.name!r} of scene {scene.name!r} is not rendered: "
+                         "switch on View Layer > Use for Rendering")
+    return outcome[0]
+
+
+@contextmanager
+def _world_scene(world: Any) -> Iterator[Any]:
+    """A scene of its own with nothing but the world and a panoramic camera; gone afterwards."""
+    scene = bpy.data.scenes.new("radiosity world")
+    camera = bpy.data.cameras.new("radiosity world")
+    viewer = bpy.data.objects.new("radiosity world", camera)
+    copy = world.copy()
+    try:
+        scene.collection.objects.link(viewer)
+        compat.make_equirectangular(camera)
+        # Level, looking along +x.
+        viewer.rotation_euler = (np.pi / 2, 0.0, -np.pi / 2)
+        scene.camera = viewer
+        scene.world = copy
+        # A world hidden from cameras lights the scene all the same.
+        copy.cycles_visibility.camera = True
+        _set_up_render(scene)
+        yield scene
+    finally:
+        bpy.data.scenes.remove(scene)
+        bpy.data.objects.remove(viewer)
+        bpy.data.cameras.remove(camera)
+        bpy.data.worlds.remove(copy)
+
+
+def _set_up_render(scene: Any) -> None:
+    render, settings = scene.render, scene.cycles
+    render.engine = "CYCLES"
+    render.resolution_x, render.resolution_y, render.resolution_percentage = WORLD_WIDTH, WORLD_HEIGHT, 100
+    render.film_transparent = False
+    render.use_file_extension = False
+    render.image_settings.file_format = "OPEN_EXR"
+    render.image_settings.color_mode = "RGB"
+    render.image_settings.color_depth = "32"
+    settings.device = "CPU"
+    settings.samples = WORLD_SAMPLES
+    settings.use_adaptive_sampling = False
+    settings.use_denoising = False
+    settings.sample_clamp_direct = settings.sample_clamp_indirect = 0.0
+    settings.pixel_filter_type = "BOX"
+
+
+@contextmanager
+def _changed(data: Any, **values: Any) -> Iterator[None]:
+    """Properties with other values for a while."""
+    before = {name: getattr(data, name) for name in values}
+    try:
+        for name, value in values.items():
+            setattr(data, name, value)
+        yield
+    finally:
+        for name, value in before.items():
+            setattr(data, name, value)
+
+
+@contextmanager
+def _some_camera(scene: Any) -> Iterator[None]:
+    """Blender renders nothing without a camera: lend the scene one where it has none."""
+    if scene.camera is not None:
+        yield
+        return
+    data = bpy.data.cameras.new("radiosity camera")
+    camera = bpy.data.objects.new("radiosity camera", data)
+    try:
+        scene.camera = camera
+        yield
+    finally:
+        scene.camera = None
+        bpy.data.objects.remove(camera)
+        bpy.data.cameras.remove(data)
+
+
+@contextmanager
+def _render_result_kept() -> Iterator[None]:
+    """Render into a slot of its own, so that the user's last render stays to be looked at."""
+    image = bpy.data.images.get(RENDER_RESULT)
+    if image is None:
+        yield
+        made = bpy.data.images.get(RENDER_RESULT)
+        if made is not None:
+            bpy.data.images.remove(made)
+        return
+    # Blender can't take a slot away again but by an operator of the image editor, so ours is made once and reused.
+    active = image.render_slots.active_index
+    if SLOT not in image.render_slots:
+        image.render_slots.new(name=SLOT)
+    image.render_slots.active_index = image.render_slots.find(SLOT)
+    try:
+        yield
+    finally:
+        bpy.data.images[RENDER_RESULT].render_slots.active_index = active

@@ -1,0 +1,79 @@
+"""The Blender scene as the solver's arrays: this is where everything Blender ends.
+
+    what a render shows     meshes with modifiers, instances, curves and text as meshes       visible.py
+    who is baked            and whether the result can be stored                              receiving.py
+    triangles               normals, materials, textures                                      assembly.py
+    lamps, sky                                                                                lights.py, world.py
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from ..solver.errors import NothingToBake
+from ..solver.scene import Scene, Sky
+from ..solver.settings import Settings
+from . import cycles
+from .assembly import Assembly
+from .binding import Binding
+from .lights import export_lights
+from .receiving import choose_receivers
+from .visible import shown_meshes
+from .warn import Warnings
+from .world import read_world
+
+
+@dataclass(frozen=True, eq=False)
+class Exported:
+    """The solver's scene, and where in Blender each of its surfaces came from.
+
+    Attributes
+    ----------
+    scene : the arrays.
+    bindings : one a surface of the scene, in the same order.
+    settings : for the solver: `only` is settled already by `Surface.receives`.
+    """
+
+    scene: Scene
+    bindings: tuple[Binding, ...]
+    settings: Settings
+
+
+def export_scene(scene: Any, view_layer: Any, settings: Settings, warnings: Warnings) -> Exported:
+    """Read the whole scene.
+
+    Parameters
+    ----------
+    scene, view_layer : bpy scene, and its layer to bake.
+    settings : what to bake.
+    warnings : gets what the user should know.
+
+    Raises
+    ------
+    SceneError, SettingsError, NothingToBake
+        With the object, the value and the next step.
+    """
+    sky = read_world(scene.world, warnings)
+    return cycles.with_render_depsgraph(
+        scene, view_layer, lambda depsgraph: _collect(depsgraph, settings, sky, warnings))
+
+
+def _collect(depsgraph: Any, settings: Settings, sky: Sky, warnings: Warnings) -> Exported:
+    shown = shown_meshes(depsgraph)
+    if not shown:
+        raise NothingToBake("a render of the scene shows no mesh with faces: add one, or make it visible in renders")
+    bindings = choose_receivers(shown, settings, warnings)
+    assembly = Assembly(settings, warnings)
+    for item, binding in zip(shown, bindings, strict=True):
+        assembly.add(item, binding)
+    made = assembly.scene(export_lights(depsgraph, warnings), sky)
+    if not any(surface.receives for surface in made.surfaces):
+        raise NothingToBake("no object that is to be baked has an opaque face with an area")
+    if not made.lights and made.sky.is_black and not np.asarray(made.emission).any():
+        raise NothingToBake("the scene has no light: add a lamp, an emissive material, or light in the world")
+    bindings = tuple(replace(binding, receives=surface.receives)
+                     for binding, surface in zip(bindings, made.surfaces, strict=True))
+    return Exported(made, bindings, replace(settings, only=()))

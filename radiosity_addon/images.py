@@ -1,0 +1,84 @@
+"""Blender images as textures in linear light."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import bpy
+import numpy as np
+from numpy.typing import NDArray
+
+from ..solver.errors import SceneError
+from ..solver.scene import Texture
+from .warn import Warnings, warn
+
+Float = NDArray[np.floating[Any]]
+
+# Colour spaces whose numbers are light already, or no colour at all.
+LINEAR_SPACES = frozenset({"Linear Rec.709", "Non-Color", "Linear", "Raw", "scene_linear"})
+# Longest side of a texture that is kept; larger ones are averaged down (4,096 x 4,096 floats would be 200 MB each).
+LONGEST_SIDE = 2048
+
+
+def read_texture(image: Any, material: str, warnings: Warnings) -> Texture:
+    """The image's pixels as reflectance or light.
+
+    Raises
+    ------
+    SceneError
+        If the image's file is missing or can't be read.
+    """
+    if image.source == "TILED":
+        warn(warnings, material, "texture", f"image {image.name!r} has UDIM tiles, of which the first alone is used: "
+             "join them into one image")
+    elif image.source in {"SEQUENCE", "MOVIE"}:
+        warn(warnings, material, "texture", f"image {image.name!r} is a {image.source.lower()}: its present frame is used")
+    width, height = image.size
+    channels = image.channels
+    if not (width and height and channels):
+        where = bpy.path.abspath(image.filepath, library=image.library) or "an unknown place"
+        raise SceneError(f"material {material!r}: image {image.name!r} is missing at {where}: "
+                         "restore the file (File > External Data > Find Missing Files) or choose another image")
+    values = np.empty(width * height * channels, np.float32)
+    image.pixels.foreach_get(values)
+    pixels = values.reshape(height, width, channels)
+    pixels = np.repeat(pixels[:, :, :1], 3, axis=2) if channels < 3 else pixels[:, :, :3]
+    if not image.is_float:
+        pixels = _to_linear(pixels, image, material, warnings)
+    if not np.isfinite(pixels).all() or pixels.min() < 0:
+        warn(warnings, material, "texture", f"image {image.name!r} has values that are negative or not finite: "
+             "they count as black")
+        pixels = np.clip(np.nan_to_num(pixels, nan=0.0, posinf=0.0, neginf=0.0), 0.0, None)
+    return Texture(_shrunk(pixels), image.name)
+
+
+def srgb_to_linear(values: Float) -> Float:
+    """IEC 61966-2-1: sRGB code values in [0, 1] to linear light."""
+    low = values / np.float32(12.92)
+    high = ((np.maximum(values, 0) + np.float32(0.055)) / np.float32(1.055)) ** np.float32(2.4)
+    return np.where(values <= 0.04045, low, high).astype(np.float32)
+
+
+def _to_linear(pixels: Float, image: Any, material: str, warnings: Warnings) -> Float:
+    """Byte images are handed out as they are coded; float images are in linear light already."""
+    space = image.colorspace_settings.name
+    if space in LINEAR_SPACES:
+        return pixels
+    if space != "sRGB":
+        warn(warnings, material, "texture", f"image {image.name!r} has the colour space {space!r}: it is read as sRGB")
+    return srgb_to_linear(pixels)
+
+
+def _shrunk(pixels: Float) -> Float:
+    """The image averaged over whole blocks of pixels until its longest side fits."""
+    factor = -(-max(pixels.shape[:2]) // LONGEST_SIDE)
+    if factor == 1:
+        return pixels
+    # Blocks that cover the image exactly, also where its side is no multiple of the factor.
+    for axis in (0, 1):
+        length = pixels.shape[axis]
+        starts = np.linspace(0, length, max(1, length // factor), endpoint=False).astype(np.intp)
+        sums = np.add.reduceat(pixels, starts, axis=axis)
+        counts = np.diff(np.append(starts, length)).reshape((-1, 1, 1) if axis == 0 else (1, -1, 1))
+        pixels = sums / counts.astype(np.float32)
+    return np.ascontiguousarray(pixels, np.float32)

@@ -1,0 +1,91 @@
+"""UV maps and colour attributes of ours on a user's mesh, beside the user's own, which are never touched."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..solver.errors import OutputError
+
+Float = NDArray[np.floating[Any]]
+
+UV_MAP = "UVMap_Lightmap"
+COLOURS = "Radiosity"
+# Custom properties of a mesh: the name of the UV map, and names of the colour attributes, that we made.
+UV_MARK = "radiosity_uv_map"
+COLOURS_MARK = "radiosity_colours"
+# The map that is put into slot 0 where a mesh has none, so that ours stands in slot 1, where engines look for it.
+FILLER = "UVMap"
+
+
+def put_uv(mesh: Any, uv: Float, name: str) -> str:
+    """Store coordinates (corners, 2) in the UV map of ours, made if it is not there; returns its name.
+
+    The active maps stay what they are. A mesh without any map gets an empty first one, which shows textures as no map
+    does: engines read the lightmap from the second.
+
+    Raises
+    ------
+    OutputError
+        If the mesh has no room for another map. `name` is its object's, for the message.
+    """
+    layers = mesh.uv_layers
+    ours = mesh.get(UV_MARK, "")
+    if ours not in layers:
+        if len(layers) >= 8:
+            raise OutputError(f"object {name!r}: its mesh has {len(layers)} UV maps, and Blender takes no more than 8: "
+                              "remove one, or bake with one of them (--uv-layer)")
+        active, rendered = layers.active_index, next((layer.name for layer in layers if layer.active_render), "")
+        if not len(layers):
+            filler = layers.new(name=FILLER, do_init=False)
+            filler.uv.foreach_set("vector", np.zeros(len(mesh.loops) * 2, np.float32))
+            active, rendered = 0, filler.name
+        ours = layers.new(name=UV_MAP, do_init=False).name
+        mesh[UV_MARK] = ours
+        layers.active_index = active
+        layers[rendered].active_render = True
+    layers[ours].uv.foreach_set("vector", np.ascontiguousarray(uv, np.float32).ravel())
+    mesh.update()
+    return str(ours)
+
+
+def put_colours(mesh: Any, name: str, colours: Float) -> str:
+    """Store colours (corners, 3) in a float colour attribute of ours on the corners; returns its name."""
+    known = mesh.get(COLOURS_MARK)
+    names: dict[str, str] = dict(known.items()) if known is not None else {}
+    attributes = mesh.color_attributes
+    attribute = attributes.get(names.get(name, ""))
+    if attribute is None or attribute.data_type != "FLOAT_COLOR" or attribute.domain != "CORNER":
+        active, rendered = attributes.active_color_index, attributes.render_color_index
+        attribute = attributes.new(name, "FLOAT_COLOR", "CORNER")
+        mesh[COLOURS_MARK] = {**names, name: attribute.name}
+        if active >= 0:
+            attributes.active_color_index = active
+        if rendered >= 0:
+            attributes.render_color_index = rendered
+    rgba = np.ones((len(mesh.loops), 4), np.float32)
+    rgba[:, :3] = colours
+    attribute.data.foreach_set("color", rgba.ravel())
+    mesh.update()
+    return str(attribute.name)
+
+
+def remove_ours(mesh: Any) -> bool:
+    """Take our UV map and colour attributes off a mesh; whether there was any."""
+    found = False
+    uv_map = mesh.get(UV_MARK, "")
+    if uv_map in mesh.uv_layers:
+        mesh.uv_layers.remove(mesh.uv_layers[uv_map])
+        found = True
+    known = mesh.get(COLOURS_MARK)
+    for name in (list(known.values()) if known is not None else []):
+        attribute = mesh.color_attributes.get(name)
+        if attribute is not None:
+            mesh.color_attributes.remove(attribute)
+            found = True
+    for mark in (UV_MARK, COLOURS_MARK):
+        if mark in mesh:
+            del mesh[mark]
+    return found

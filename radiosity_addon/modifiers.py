@@ -1,0 +1,36 @@
+"""Modifiers applied where they keep a mesh from holding its result."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import bpy
+
+from . import cycles
+from .binding import Binding
+from .warn import Warnings, warn
+
+
+def apply_modifiers(scene: Any, view_layer: Any, bindings: Sequence[Binding], warnings: Warnings) -> set[str]:
+    """Give each object the mesh that a render shows, without modifiers; returns the names of the objects changed.
+
+    Objects that shared their mesh with others get one of their own.
+    """
+    names = dict.fromkeys(binding.object for binding in bindings if binding.mesh and not binding.linked)
+    meshes = cycles.with_render_depsgraph(scene, view_layer, lambda depsgraph: _evaluated(depsgraph, names))
+    for name, mesh in meshes.items():
+        item = bpy.data.objects[name]
+        mesh.name = item.data.name
+        kinds = ", ".join(modifier.name for modifier in item.modifiers)
+        item.modifiers.clear()
+        item.data = mesh
+        warn(warnings, name, "modifiers_applied",
+             f"its modifiers ({kinds}) were applied, so that its mesh can hold the result (--no-apply-modifiers keeps them)")
+    return set(meshes)
+
+
+def _evaluated(depsgraph: Any, names: dict[str, None]) -> dict[str, Any]:
+    return {name: bpy.data.meshes.new_from_object(bpy.data.objects[name].evaluated_get(depsgraph),
+                                                  preserve_all_data_layers=True, depsgraph=depsgraph)
+            for name in names if name in bpy.data.objects}

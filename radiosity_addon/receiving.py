@@ -1,0 +1,108 @@
+"""Which of the shown meshes are baked, and whether their results can be stored."""
+
+from __future__ import annotations
+
+import difflib
+from collections.abc import Sequence
+from typing import Any
+
+import bpy
+import numpy as np
+
+from ..solver.errors import NothingToBake, SceneError, SettingsError
+from ..solver.settings import Settings
+from .binding import Binding
+from .mesh_arrays import corner_vertices
+from .visible import Shown
+from .warn import Warnings, warn
+
+
+def choose_receivers(shown: Sequence[Shown], settings: Settings, warnings: Warnings) -> tuple[Binding, ...]:
+    """One binding a shown mesh, in the same order.
+
+    Raises
+    ------
+    SettingsError
+        If `only` names what is not there, or a UV map is missing.
+    SceneError
+        If an object that `only` names can't be written to, or a mesh is being edited.
+    NothingToBake
+        If no object is left to receive light.
+    """
+    _check_names(shown, settings.only)
+    bindings = tuple(_bind(item, settings, warnings) for item in shown)
+    if not any(binding.receives for binding in bindings):
+        raise NothingToBake("no object can receive light: see the warnings above, or name others with --only")
+    return bindings
+
+
+def names_of(item: Shown) -> set[str]:
+    """The names by which `only` may call it."""
+    return {item.name, item.original.name, *([item.instancer] if item.instancer else [])}
+
+
+def _bind(item: Shown, settings: Settings, warnings: Warnings) -> Binding:
+    named = bool(settings.only) and not names_of(item).isdisjoint(settings.only)
+    wanted = named or not settings.only
+    linked = item.original.library is not None or (item.own_mesh and item.original.data.library is not None)
+    obstacle = _obstacle(item, settings, linked) if wanted else ""
+    if obstacle and named:
+        raise SceneError(f"object {item.name!r} {obstacle}")
+    if obstacle:
+        warn(warnings, item.name, "not_baked", f"is not baked, it {obstacle}")
+    same = item.own_mesh and _same_topology(item.mesh, item.original.data)
+    mesh = item.original.data.name if item.own_mesh else ""
+    layout = ("" if not item.own_mesh else f"mesh {mesh}" if same else f"object {item.original.name}")
+    return Binding(item.name, item.original.name, item.instancer, mesh, wanted and not obstacle, same, layout,
+                   len(item.mesh.loops), linked)
+
+
+def _obstacle(item: Shown, settings: Settings, linked: bool) -> str:
+    """Why a mesh can't be baked, with what to do; "" if it can.
+
+    Raises
+    ------
+    SettingsError
+        If it lacks the UV map that was asked for.
+    SceneError
+        If it is being edited.
+    """
+    if item.original.mode == "EDIT":
+        raise SceneError(f"object {item.original.name!r} is in Edit Mode: leave it (Tab) and bake again")
+    uses_own_uv = settings.target == "lightmap" and settings.uv_layer is not None
+    has_uv = uses_own_uv and settings.uv_layer in item.mesh.uv_layers
+    if not item.own_mesh and not has_uv:
+        kind = "geometry nodes" if item.original.type == "MESH" else f"a {item.original.type.lower()}"
+        return f"is made by {kind} and has no mesh that could hold the result: convert it to a mesh (Object > Convert)"
+    if uses_own_uv and not has_uv:
+        layers = ", ".join(repr(layer.name) for layer in item.mesh.uv_layers) or "none"
+        raise SettingsError(f"object {item.name!r} has no UV map {settings.uv_layer!r} (it has {layers}): "
+                            "add it, choose another, or name the objects to bake with --only")
+    if linked and not has_uv:
+        library = item.original.library or item.original.data.library
+        return (f"is linked from {library.filepath} and can't be written to: make it local "
+                "(Object > Relations > Make Local > All) or use a UV map that it has (--uv-layer)")
+    return ""
+
+
+def _same_topology(evaluated: Any, original: Any) -> bool:
+    """Whether corner i of one mesh is corner i of the other."""
+    if len(evaluated.loops) != len(original.loops) or len(evaluated.polygons) != len(original.polygons):
+        return False
+    return bool(np.array_equal(corner_vertices(evaluated), corner_vertices(original)))
+
+
+def _check_names(shown: Sequence[Shown], only: Sequence[str]) -> None:
+    there = set().union(*(names_of(item) for item in shown)) if shown else set()
+    for name in only:
+        if name in there:
+            continue
+        item = bpy.data.objects.get(name)
+        if item is not None and item.type not in {"MESH", "CURVE", "SURFACE", "FONT", "META", "EMPTY"}:
+            raise SettingsError(f"only names {name!r}, which is a {item.type.lower()}: name meshes")
+        if item is not None:
+            raise SettingsError(f"only names {name!r}, which a render does not show or which has no faces: "
+                                "switch on its visibility in renders")
+        close = difflib.get_close_matches(name, there, n=1)
+        hint = f"did you mean {close[0]!r}?" if close else f"choose from {', '.join(sorted(there)[:8])}"
+        raise SettingsError(f"only names {name!r}, which the scene does not have: {hint}")

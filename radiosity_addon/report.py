@@ -1,0 +1,83 @@
+"""report.json: what the solver tells, completed by what only Blender's side knows."""
+
+from __future__ import annotations
+
+import json
+import math
+import os
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from ..solver.errors import OutputError
+from ..solver.settings import Settings
+from .memory import peak_memory_bytes
+from .warn import Warnings
+
+
+def complete(report: dict[str, Any], *, scene: str, blender: str, settings: Settings, outputs: list[dict[str, Any]],
+             warnings: Warnings, stages: dict[str, float], seconds: float) -> dict[str, Any]:
+    """The solver's report with scene, settings, outputs, warnings, our own stages before and after, and the whole time."""
+    before = [{"name": name, "seconds": stages[name], "rays": 0} for name in ("export", "unwrap") if name in stages]
+    after = [{"name": name, "seconds": stages[name], "rays": 0} for name in ("write",) if name in stages]
+    return {
+        **report,
+        "scene": scene,
+        "blender": blender,
+        "settings": {**report["settings"], **settings.as_dict()},
+        "stages": [*before, *report["stages"], *after],
+        "outputs": outputs,
+        "warnings": warnings,
+        "peak_memory_bytes": peak_memory_bytes(),
+        "seconds": seconds,
+    }
+
+
+def reached(report: dict[str, Any]) -> bool:
+    """Whether the estimated error is within the wanted one."""
+    estimated = report["error"]["estimated"]["rms"]
+    return not (estimated is not None and estimated > report["error"]["wanted"])
+
+
+def relative_to_report(path: Path, report: Path | None) -> str:
+    """A file's path as the report gives it: relative to the report's folder, with forward slashes."""
+    if report is None:
+        return path.as_posix()
+    try:
+        return Path(os.path.relpath(path, report.parent)).as_posix()
+    except ValueError:
+        return path.as_posix()  # another drive
+
+
+def write(report: dict[str, Any], path: Path) -> None:
+    """Write the report, whole or not at all.
+
+    Raises
+    ------
+    OutputError
+        If it can't be written.
+    """
+    beside = path.with_name(f".{path.name}.{os.getpid()}.part")
+    try:
+        beside.write_text(json.dumps(_plain(report), indent=1, allow_nan=False) + "\n", encoding="utf-8")
+        os.replace(beside, path)
+    except OSError as cause:
+        raise OutputError(f"{path} can't be written ({cause.strerror}): check the folder's rights and space") from cause
+    finally:
+        beside.unlink(missing_ok=True)
+
+
+def _plain(value: Any) -> Any:
+    """JSON's own types: NumPy's become Python's, numbers that are not finite become null."""
+    if isinstance(value, dict):
+        return {str(key): _plain(item) for key, item in value.items()}
+    if isinstance(value, list | tuple):
+        return [_plain(item) for item in value]
+    if isinstance(value, np.ndarray | np.generic):
+        return _plain(value.tolist())
+    if isinstance(value, float) and not math.isfinite(value):
+        return None
+    if isinstance(value, Path):
+        return str(value)
+    return value

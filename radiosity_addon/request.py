@@ -1,0 +1,87 @@
+"""One bake as the user asked for it: the solver's settings and where results go."""
+
+from __future__ import annotations
+
+import os
+import tempfile
+from dataclasses import dataclass, field
+from pathlib import Path
+
+from ..solver.errors import OutputError, SettingsError
+from ..solver.settings import Settings
+
+DEFAULT_FOLDER = "lightmaps"
+REPORT_NAME = "report.json"
+
+
+@dataclass(frozen=True)
+class Request:
+    """What is asked of a bake.
+
+    Parameters
+    ----------
+    settings : how to bake.
+    output : folder of the image files; None for a bake into the open .blend alone.
+    report : path of report.json; None for the one in `output`.
+    save : path of a .blend to write with the results; None leaves files as they are.
+    pack : keep the images inside the .blend too, so that it needs no other file.
+    apply_modifiers : where modifiers stop the UV map from being stored, apply them.
+    """
+
+    settings: Settings = field(default_factory=Settings)
+    output: Path | None = None
+    report: Path | None = None
+    save: Path | None = None
+    pack: bool = False
+    apply_modifiers: bool = False
+
+    @property
+    def report_path(self) -> Path | None:
+        """Where report.json goes, or None."""
+        if self.report is not None:
+            return self.report
+        return self.output / REPORT_NAME if self.output is not None else None
+
+    def check_writable(self) -> None:
+        """Fail before the long work if a result could not be written.
+
+        Raises
+        ------
+        OutputError
+            With the folder's path and what to do.
+        """
+        files = [path for path in (self.report_path, self.save) if path is not None]
+        for folder in dict.fromkeys([*([self.output] if self.output else []), *(path.parent for path in files)]):
+            _check_folder(folder)
+        for path in files:
+            if path.is_dir():
+                raise OutputError(f"{path} is a folder: give the name of a file")
+            if path.exists() and not os.access(path, os.W_OK):
+                raise OutputError(f"{path} may not be written: change its rights or choose another name")
+
+
+def folder_beside(blend: str, folder: str = "", *, advice: str) -> Path:
+    """The output folder: absolute, or relative to the .blend's folder when it starts with `//` or is empty.
+
+    Raises
+    ------
+    SettingsError
+        If it depends on the .blend's folder and the .blend was never saved.
+    """
+    if folder and not folder.startswith("//"):
+        return Path(folder).expanduser().absolute()
+    if not blend:
+        raise SettingsError(f"the .blend is not saved, so there is no folder for the lightmaps: {advice}")
+    return Path(blend).absolute().parent / (folder.removeprefix("//") or DEFAULT_FOLDER)
+
+
+def _check_folder(folder: Path) -> None:
+    """Make the folder and try to write in it: rights alone don't tell on network drives or as root."""
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        with tempfile.TemporaryFile(dir=folder):
+            pass
+    except OSError as cause:
+        reason = (cause.strerror or type(cause).__name__).lower()
+        raise OutputError(f"folder {folder} can't be written to ({reason}): "
+                          "change its rights or choose another folder") from cause

@@ -1,0 +1,200 @@
+"""Colours and numbers behind the sockets of shader nodes: flat, or one image; anything else by its closest flat value."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .warn import Warnings, warn
+
+Triple = tuple[float, float, float]
+
+# Longest chain of reroutes and groups that is followed; node trees can't be cyclic, so this is never met in good files.
+LONGEST_CHAIN = 64
+
+
+@dataclass(frozen=True, eq=False)
+class ImageUse:
+    """An image on a surface.
+
+    Attributes
+    ----------
+    image : the bpy image.
+    uv_map : name of the UV map, "" for the one that is active for rendering.
+    matrix : (2, 3) float64, texture coordinates = matrix @ (u, v, 1).
+    """
+
+    image: Any
+    uv_map: str
+    matrix: NDArray[np.float64]
+
+
+@dataclass(frozen=True, eq=False)
+class Colour:
+    """Linear RGB, times an image where there is one."""
+
+    factor: Triple = (0.0, 0.0, 0.0)
+    image: ImageUse | None = None
+
+    def scaled(self, factor: float) -> Colour:
+        """The colour times a number."""
+        r, g, b = self.factor
+        return Colour((r * factor, g * factor, b * factor), self.image if factor else None)
+
+    def clipped(self, low: float, high: float) -> Colour:
+        """The colour's factor held between two values."""
+        r, g, b = (float(min(max(value, low), high)) for value in self.factor)
+        return replace(self, factor=(r, g, b))
+
+    @property
+    def is_black(self) -> bool:
+        """Whether nothing is there."""
+        return not any(self.factor)
+
+
+BLACK = Colour()
+
+
+def luminance(colour: Colour) -> float:
+    """Rec. 709 luminance of the colour's factor."""
+    r, g, b = colour.factor
+    return 0.2126 * r + 0.7152 * g + 0.0722 * b
+
+
+class Reader:
+    """Reads sockets of one material's node tree, and tells in its name what it could not read."""
+
+    def __init__(self, material: str, warnings: Warnings) -> None:
+        self.material = material
+        self.warnings = warnings
+        self._groups: list[Any] = []
+
+    def warn(self, message: str) -> None:
+        """A warning about the material."""
+        warn(self.warnings, self.material, "material", message)
+
+    def source(self, socket: Any) -> Any:
+        """The output socket that feeds an input, through reroutes and muted nodes; None if nothing does."""
+        for _ in range(LONGEST_CHAIN):
+            if not socket.is_linked:
+                return None
+            output = socket.links[0].from_socket
+            node = output.node
+            if node.bl_idname == "NodeReroute":
+                socket = node.inputs[0]
+            elif node.mute and node.internal_links:
+                socket = node.internal_links[0].from_socket
+            elif node.bl_idname == "ShaderNodeGroup" and node.node_tree is not None:
+                self._groups.append(node)
+                inside = next((n for n in node.node_tree.nodes if n.bl_idname == "NodeGroupOutput" and n.is_active_output), None)
+                if inside is None:
+                    return None
+                socket = inside.inputs[output.name]
+            elif node.bl_idname == "NodeGroupInput" and self._groups:
+                outer = self._groups[-1].inputs[output.name]
+                if not outer.is_linked:
+                    return outer
+                socket = outer
+            else:
+                return output
+        return None
+
+    def number(self, socket: Any) -> float:
+        """The value of a number socket; one fed by other nodes than a plain value counts by its own setting."""
+        source = self.source(socket)
+        if source is None:
+            return float(socket.default_value)
+        if not source.is_output or source.node.bl_idname == "ShaderNodeValue":
+            return _mean(source.default_value)
+        self.warn(f"{socket.name!r} is driven by {source.node.bl_label!r}, which is not evaluated: "
+                  f"{float(socket.default_value):g} is used")
+        return float(socket.default_value)
+
+    def colour(self, socket: Any) -> Colour:
+        """The value of a colour socket: flat, or an image."""
+        source = self.source(socket)
+        if source is None:
+            return Colour(_triple(socket.default_value))
+        if not source.is_output or source.node.bl_idname in {"ShaderNodeRGB", "ShaderNodeValue"}:
+            return Colour(_triple(source.default_value))
+        node = source.node
+        if node.bl_idname == "ShaderNodeTexImage" and source.name == "Color" and node.image is not None:
+            return self._image(node)
+        if node.bl_idname == "ShaderNodeBlackbody":
+            self.warn("its blackbody colour is not evaluated: white is used")
+            return Colour((1.0, 1.0, 1.0))
+        flat = _triple(socket.default_value)
+        self.warn(f"{socket.name!r} is driven by {node.bl_label!r}, which is not evaluated: the socket's own colour "
+                  f"({', '.join(f'{value:g}' for value in flat)}) is used")
+        return Colour(flat)
+
+    def sum(self, first: Colour, second: Colour) -> Colour:
+        """Two colours added; of two images, or an image and a flat colour, the brighter one stays."""
+        if first.image is None and second.image is None:
+            r, g, b = (float(x + y) for x, y in zip(first.factor, second.factor, strict=True))
+            return Colour((r, g, b))
+        if first.is_black or second.is_black:
+            return second if first.is_black else first
+        self.warn("adds an image to another colour: the brighter one alone is used")
+        return first if luminance(first) >= luminance(second) else second
+
+    def _image(self, node: Any) -> Colour:
+        if node.projection != "FLAT":
+            self.warn(f"image {node.image.name!r} is projected as {node.projection.lower()}: it is laid out by UV instead")
+        uv_map, matrix = self._coordinates(node.inputs["Vector"])
+        return Colour((1.0, 1.0, 1.0), ImageUse(node.image, uv_map, matrix))
+
+    def _coordinates(self, socket: Any) -> tuple[str, NDArray[np.float64]]:
+        """The UV map's name and the (2, 3) matrix of a vector socket."""
+        matrix = np.array([[1.0, 0, 0], [0, 1, 0]])
+        for _ in range(LONGEST_CHAIN):
+            source = self.source(socket)
+            if source is None or not source.is_output:
+                return "", matrix
+            node = source.node
+            if node.bl_idname == "ShaderNodeUVMap":
+                return node.uv_map, matrix
+            if node.bl_idname == "ShaderNodeAttribute":
+                return node.attribute_name, matrix
+            if node.bl_idname == "ShaderNodeTexCoord" and source.name == "UV":
+                return "", matrix
+            if node.bl_idname != "ShaderNodeMapping":
+                break
+            step = self._mapping(node)
+            matrix = np.column_stack([matrix[:, :2] @ step[:, :2], matrix[:, :2] @ step[:, 2] + matrix[:, 2]])
+            socket = node.inputs["Vector"]
+        self.warn(f"an image is laid out by {source.node.bl_label!r} {source.name!r}: the active UV map is used instead")
+        return "", matrix
+
+    def _mapping(self, node: Any) -> NDArray[np.float64]:
+        """(2, 3) matrix of a Mapping node: p -> R S p + T as a point, R^-1 S^-1 (p - T) as a texture."""
+        values = {name: np.zeros(3) for name in ("Location", "Rotation", "Scale")}
+        for name in values:
+            if name in node.inputs and node.inputs[name].enabled:
+                values[name] = np.array(node.inputs[name].default_value, float)
+                if node.inputs[name].is_linked:
+                    self.warn(f"the {name.lower()} of its Mapping node is linked: the node's own value is used")
+        if abs(values["Rotation"][:2]).max() > 0:
+            self.warn("its Mapping node turns about X or Y: the turn about Z alone is used")
+        angle, scale = values["Rotation"][2], values["Scale"][:2]
+        turn = np.array([[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]])
+        linear, offset = turn @ np.diag(scale), values["Location"][:2]
+        if node.vector_type == "TEXTURE":
+            linear = np.linalg.inv(np.where(np.eye(2) == 1, np.diag(np.where(scale == 0, 1.0, scale)), 0.0)) @ turn.T
+            offset = -linear @ offset
+        elif node.vector_type != "POINT":
+            offset = np.zeros(2)
+        return np.column_stack([linear, offset])
+
+
+def _triple(value: Any) -> Triple:
+    if hasattr(value, "__len__"):
+        return float(value[0]), float(value[1]), float(value[2])
+    return float(value), float(value), float(value)
+
+
+def _mean(value: Any) -> float:
+    return sum(value[:3]) / 3 if hasattr(value, "__len__") else float(value)

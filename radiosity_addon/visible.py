@@ -1,0 +1,68 @@
+"""What a render shows as meshes: objects, curves and text, and every instance by itself."""
+
+from __future__ import annotations
+
+from collections import Counter
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..solver.errors import SceneError
+
+
+@dataclass(frozen=True, eq=False)
+class Shown:
+    """One mesh at one place. Its references are valid only while the dependency graph is.
+
+    Attributes
+    ----------
+    name : unique; the object's, or `instancer:object`, with `#2` and so on for further ones.
+    original : the original bpy object.
+    instancer : name of the object that shows it as an instance, or "".
+    mesh : the evaluated bpy mesh.
+    matrix : (4, 4) float64 to world space.
+    materials : of its slots; None for an empty slot.
+    own_mesh : whether `mesh` is the evaluated mesh of `original`, and nothing that was made on the way.
+    """
+
+    name: str
+    original: Any
+    instancer: str
+    mesh: Any
+    matrix: NDArray[np.float64]
+    materials: tuple[Any, ...]
+    own_mesh: bool
+
+
+def shown_meshes(depsgraph: Any) -> list[Shown]:
+    """All meshes with at least one face, in Blender's order.
+
+    Raises
+    ------
+    SceneError
+        If an object's transform is not finite.
+    """
+    shown: list[Shown] = []
+    names: Counter[str] = Counter()
+    for instance in depsgraph.object_instances:
+        item = instance.object
+        if item.type != "MESH" or not instance.show_self or item.data is None or not len(item.data.polygons):
+            continue
+        original = item.original
+        parent = instance.parent.original if instance.is_instance and instance.parent is not None else None
+        from_curve = original.type != "MESH"
+        made_on_the_way = from_curve or (parent is not None and parent == original)
+        instancer = parent.name if parent is not None and parent != original else ""
+        name = f"{instancer}:{original.name}" if instancer else original.name
+        names[name] += 1
+        if names[name] > 1:
+            name = f"{name}#{names[name]}"
+        matrix = np.array(instance.matrix_world, np.float64)
+        if not np.isfinite(matrix).all():
+            raise SceneError(f"object {name!r}: its transform is not finite: "
+                             "reset location, rotation and scale, or remove the constraint that makes it")
+        materials = tuple(slot.material for slot in item.material_slots)
+        shown.append(Shown(name, original, instancer, item.data, matrix, materials, not made_on_the_way))
+    return shown

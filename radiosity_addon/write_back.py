@@ -1,0 +1,156 @@
+"""Results into Blender: image files, images, UV maps, colour attributes. Files first; the .blend changes last."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import bpy
+import numpy as np
+from numpy.typing import NDArray
+
+from ..solver.result import Bake
+from ..solver.scene import Surface
+from . import baked_images, mesh_layers
+from .baked_images import MARK
+from .binding import Binding
+from .export import Exported
+from .modifiers import apply_modifiers
+from .report import relative_to_report
+from .request import Request
+from .warn import Warnings, warn
+
+Float = NDArray[np.floating[Any]]
+UNITS = {"radiance": "W/(m2 sr)", "irradiance": "W/m2", "illuminance": "lux", "radiosity": "W/m2"}
+
+
+def write_back(exported: Exported, bake: Bake, request: Request, scene: Any, view_layer: Any,
+               warnings: Warnings) -> list[dict[str, Any]]:
+    """Write all results.
+
+    Returns
+    -------
+    The report's `outputs`, one entry an object.
+
+    Raises
+    ------
+    OutputError
+        If a file can't be written; the .blend is as it was then.
+    """
+    if request.settings.target == "vertex":
+        stored = _store(exported, bake, request, scene, view_layer, warnings)
+        return [_entry(binding, request, attribute=stored.get(binding.surface))
+                for binding in exported.bindings if binding.receives]
+    paths = _write_files(bake, request)
+    images = _make_images(bake, request, paths)
+    stored = _store(exported, bake, request, scene, view_layer, warnings)
+    outputs = []
+    for binding, page in zip(exported.bindings, bake.page_of_surface, strict=True):
+        if page < 0:
+            continue
+        _remember(binding, images[page])
+        name = relative_to_report(paths[page], request.report_path) if paths else images[page].name
+        height, width = bake.lightmaps[page].pixels.shape[:2]
+        outputs.append(_entry(binding, request, uv_layer=stored.get(binding.surface), image=name,
+                              resolution=[int(width), int(height)]))
+    return outputs
+
+
+def _entry(binding: Binding, request: Request, **fields: Any) -> dict[str, Any]:
+    return {"object": binding.surface, "target": request.settings.target, "uv_layer": None, "image": None,
+            "resolution": None, **fields}
+
+
+def _write_files(bake: Bake, request: Request) -> list[Any]:
+    """One EXR file a lightmap, in their order; none without an output folder."""
+    if request.output is None:
+        return []
+    settings = request.settings
+    header: dict[str, str | float] = {
+        "software": "Radiosity Lightmaps", "quantity": settings.quantity, "unit": UNITS[settings.quantity],
+        "passes": settings.passes}
+    taken: set[Any] = set()
+    return [baked_images.write_file(request.output, lightmap.name, lightmap.pixels,
+                                    {**header, "objects": ", ".join(lightmap.surfaces)}, taken)
+            for lightmap in bake.lightmaps]
+
+
+def _make_images(bake: Bake, request: Request, paths: Sequence[Any]) -> list[Any]:
+    """One Blender image a lightmap, in their order."""
+    if not paths:
+        return [baked_images.packed_image(lightmap.name, lightmap.pixels) for lightmap in bake.lightmaps]
+    return [baked_images.linked_image(lightmap.name, path, bpy.data.filepath, pack=request.pack)
+            for lightmap, path in zip(bake.lightmaps, paths, strict=True)]
+
+
+def _remember(binding: Binding, image: Any) -> None:
+    """Let the object know its image, where an object is shown once and is ours to write to."""
+    item = bpy.data.objects.get(binding.object)
+    if item is not None and not binding.instancer and item.library is None:
+        item[MARK] = image
+
+
+def _store(exported: Exported, bake: Bake, request: Request, scene: Any, view_layer: Any,
+           warnings: Warnings) -> dict[str, str]:
+    """Put UV maps or colours on the meshes; what each surface got: its layer's name."""
+    uv_layer = request.settings.uv_layer if request.settings.target == "lightmap" else None
+    receivers = [(index, binding) for index, binding in enumerate(exported.bindings) if binding.receives]
+    if uv_layer is not None:
+        return {binding.surface: uv_layer for _, binding in receivers}
+    blocked = [binding for _, binding in receivers if not binding.same_topology]
+    applied: set[str] = set()
+    if blocked and request.apply_modifiers:
+        applied = apply_modifiers(scene, view_layer, blocked, warnings)
+    stored: dict[str, str] = {}
+    done: dict[str, str] = {}
+    for index, binding in receivers:
+        mesh = _mesh_of(binding, applied, warnings)
+        if mesh is None:
+            continue
+        surface = exported.scene.surfaces[index]
+        if request.settings.target == "vertex":
+            assert bake.corner_colours is not None
+            name = _attribute_name(binding, exported.bindings)
+            stored[binding.surface] = mesh_layers.put_colours(
+                mesh, name, _on_corners(surface, bake.corner_colours[index], len(mesh.loops)))
+        else:
+            # Surfaces of one layout have the same coordinates: the mesh is written once.
+            if binding.layout not in done:
+                done[binding.layout] = mesh_layers.put_uv(
+                    mesh, _on_corners(surface, bake.uv[index], len(mesh.loops)), binding.object)
+            stored[binding.surface] = done[binding.layout]
+    return stored
+
+
+def _mesh_of(binding: Binding, applied: set[str], warnings: Warnings) -> Any:
+    """The mesh that takes a surface's results, or None with a warning."""
+    item = bpy.data.objects.get(binding.object)
+    if item is None or item.type != "MESH":
+        warn(warnings, binding.surface, "not_stored", "was deleted or renamed during the bake: bake again")
+        return None
+    if not binding.same_topology and binding.object not in applied:
+        names = ", ".join(modifier.name for modifier in item.modifiers) or "shape"
+        warn(warnings, binding.surface, "not_stored",
+             f"its modifiers ({names}) make other corners than its mesh has, so the mesh can't hold the result: apply "
+             "them (--apply-modifiers does), or bake with a UV map of your own (--uv-layer)")
+        return None
+    if len(item.data.loops) != binding.corner_count:
+        warn(warnings, binding.surface, "not_stored",
+             f"its mesh had {binding.corner_count} corners and now has {len(item.data.loops)}: bake again")
+        return None
+    return item.data
+
+
+def _on_corners(surface: Surface, values: Float | None, corner_count: int) -> Float:
+    """Values of triangle corners (count, 3, k) put on the mesh's corners (corner_count, k)."""
+    assert values is not None
+    assert surface.corner_ids is not None
+    corners = np.zeros((corner_count, values.shape[2]), np.float32)
+    corners[surface.corner_ids] = values
+    return corners
+
+
+def _attribute_name(binding: Binding, bindings: Sequence[Binding]) -> str:
+    """A mesh that several surfaces show gets a colour attribute for each of them."""
+    alone = sum(other.receives and other.layout == binding.layout for other in bindings) == 1
+    return mesh_layers.COLOURS if alone else f"{mesh_layers.COLOURS}_{binding.surface}"
