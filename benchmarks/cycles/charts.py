@@ -38,7 +38,7 @@ def charts_of_triangles(uv: Float) -> NDArray[np.int32]:
     nodes = len(uv) + int(edge.max(initial=-1)) + 1
     graph = coo_matrix((np.ones(len(edge), bool), (triangle, len(uv) + edge)), shape=(nodes, nodes))
     label = connected_components(graph, directed=False)[1][: len(uv)]
-    return np.unique(label, return_inverse=True)[1].astype(np.int32)
+    return np.asarray(np.unique(label, return_inverse=True)[1], np.int32)
 
 
 def chart_image(uv: Float, resolution: int) -> tuple[NDArray[np.int32], int]:

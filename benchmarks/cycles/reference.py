@@ -7,7 +7,7 @@ together are the first reference, those of even seeds the second; each is the me
 Bakes that are timed to draw Cycles' curve have seeds of their own (`TIMED_SEED`) and are in no reference.
 
 What is baked: DIFFUSE, direct + indirect without colour, which is E / pi; 64 bounces, no clamping, no adaptive
-sampling, no light threshold, light tree on, no denoising, plain Sobol points (blue noise would tie neighbours together).
+sampling, no light threshold, light tree on, no denoising, plain Sobol points (blue noise ties neighbours together).
 """
 
 from __future__ import annotations
@@ -96,14 +96,9 @@ class TwinInCycles:
         )
         wall, cpu = time.perf_counter() - wall, time.process_time() - cpu
         pixels = {name: self._pixels(name) for name in self.squares}
-        return CyclesBake(
-            seed,
-            samples,
-            wall,
-            cpu,
-            {name: values[..., :3] for name, values in pixels.items()},
-            {name: values[..., 3] > 0 for name, values in pixels.items()},
-        )
+        radiance = {name: values[..., :3] for name, values in pixels.items()}
+        covered = {name: np.asarray(values[..., 3] > 0) for name, values in pixels.items()}
+        return CyclesBake(seed, samples, wall, cpu, radiance, covered)
 
     def _pixels(self, name: str) -> Float:
         side = self.squares[name]
@@ -151,11 +146,11 @@ def load(case: Case, content: str) -> list[CyclesBake]:
             about = json.loads(str(archive["about"]))
             if about["twin"] != content:
                 continue
-            named = {
-                kind: {key.split("/", 1)[1]: archive[key] for key in archive.files if key.startswith(f"{kind}/")}
-                for kind in ("radiance", "covered")
-            }
-        bakes.append(CyclesBake(about["seed"], about["samples"], about["seconds"], about["cpu_seconds"], **named))
+            radiance = {key.split("/", 1)[1]: archive[key] for key in archive.files if key.startswith("radiance/")}
+            covered = {key.split("/", 1)[1]: archive[key] for key in archive.files if key.startswith("covered/")}
+        bakes.append(
+            CyclesBake(about["seed"], about["samples"], about["seconds"], about["cpu_seconds"], radiance, covered)
+        )
     return sorted(bakes, key=lambda bake: (bake.seed, bake.samples))
 
 
@@ -178,7 +173,7 @@ def references(case: Case, content: str) -> References | None:
         return None
     means = [
         {
-            name: np.average([bake.radiance[name] for bake in side], axis=0, weights=[b.samples for b in side])
+            name: np.asarray(np.average([b.radiance[name] for b in side], axis=0, weights=[b.samples for b in side]))
             for name in side[0].radiance
         }
         for side in sides

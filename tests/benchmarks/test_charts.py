@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
-
-from benchmarks.cycles import charts
+from radiosity.benchmarks.cycles import charts
 
 
 def _rectangle(left: float, bottom: float, right: float, top: float) -> list[list[list[float]]]:

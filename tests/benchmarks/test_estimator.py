@@ -4,8 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-
-from benchmarks.cycles import estimator
+from radiosity.benchmarks.cycles import estimator
 
 LUMELS = 40_000
 
