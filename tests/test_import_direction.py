@@ -138,16 +138,21 @@ def test_one_file_asks_for_the_version_of_blender() -> None:
     assert askers <= {"radiosity_addon/compat.py"}
 
 
-def test_one_file_calls_blenders_own_operators() -> None:
-    # Cycles bakes only through an operator, and that file says so.
+def test_blenders_own_operators_are_called_where_there_is_no_other_way() -> None:
+    # Rendering and baking with Cycles, and opening and saving files, exist only as operators; one file for each.
     callers = {
-        path.relative_to(ROOT).as_posix()
+        (path.relative_to(ROOT).as_posix(), family)
         for layer in LAYERS
         for path in package_files(layer)
         for node in ast.walk(syntax_tree(path))
-        if attribute_chain(node).startswith("bpy.ops.")
+        for family in [".".join(attribute_chain(node).split(".")[:3])]
+        if family.startswith("bpy.ops.")
     }
-    assert callers <= {"radiosity_addon/cycles.py"}
+    assert callers <= {
+        ("radiosity_addon/cycles.py", "bpy.ops.render"),
+        ("radiosity_addon/cycles.py", "bpy.ops.object"),
+        ("radiosity_addon/blend_file.py", "bpy.ops.wm"),
+    }
 
 
 def test_nothing_happens_when_the_root_is_imported() -> None:

@@ -97,8 +97,10 @@ def show_baked(report: dict[str, Any], folder: Path) -> None:
     quantity = report["settings"]["quantity"]
     for output in report["outputs"]:
         thing = bpy.data.objects.get(output["object"])
-        if thing is None:
-            raise PictureError(f"object {output['object']!r} of the report is not in the .blend: give its own report")
+        if thing is None or (output["target"] == "lightmap" and not output["uv_layer"]):
+            # An instance, or a mesh that could not hold its UV map; the report's warnings tell which.
+            print(f"not in the picture: {output['object']}", file=sys.stderr)
+            continue
         if not thing.material_slots:
             thing.data.materials.append(None)
         for slot in thing.material_slots:
@@ -130,6 +132,9 @@ def place_camera(scene: Any, names: list[str]) -> None:
     import bpy
     from mathutils import Vector
 
+    names = [name for name in names if name in bpy.data.objects]
+    if not names:
+        raise PictureError("none of the report's objects is in the .blend: give the report of this bake")
     corners = [bpy.data.objects[name].matrix_world @ Vector(corner)
                for name in names for corner in bpy.data.objects[name].bound_box]
     middle = sum(corners, Vector()) / len(corners)
