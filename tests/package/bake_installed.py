@@ -1,0 +1,34 @@
+"""Run by a fresh Python with the bpy wheel: `python bake_installed.py ZIP FOLDER` installs the zip, bakes the furnace.
+
+Writes FOLDER/where.json: the files that the three bundled packages and the extension were loaded from.
+"""
+
+from __future__ import annotations
+
+import json
+import sys
+from pathlib import Path
+
+import addon_utils
+import bpy
+import furnace
+
+ID = "bl_ext.user_default.radiosity_lightmaps"
+
+
+def main() -> None:
+    """Install, enable, bake by the operator, save."""
+    archive, folder = sys.argv[1], Path(sys.argv[2])
+    bpy.ops.extensions.package_install_files(filepath=archive, repo="user_default", enable_on_install=True)
+    if not all(addon_utils.check(ID)):
+        raise SystemExit(f"{ID} is not enabled: {addon_utils.check(ID)}")
+    furnace.build()
+    bpy.ops.wm.save_as_mainfile(filepath=str(folder / "scene.blend"))
+    print("BAKE", bpy.ops.radiosity.bake(options="--error 0.01"))
+    bpy.ops.wm.save_as_mainfile(filepath=str(folder / "baked.blend"))
+    where = {name: sys.modules[name].__file__ for name in ("embreex", "xatlas", "OpenEXR", ID)}
+    (folder / "where.json").write_text(json.dumps(where), encoding="utf-8")
+
+
+if __name__ == "__main__":
+    main()

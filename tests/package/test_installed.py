@@ -1,0 +1,84 @@
+"""The zip, installed as a user does, bakes: in a fresh process with the bpy wheel, and in the real Blender."""
+
+from __future__ import annotations
+
+import json
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+from radiosity.solver.image_file import read_exr
+from radiosity.tools import real_blender
+
+HERE = Path(__file__).parent
+# B = E / (1 - rho) in the closed furnace (furnace.py): E / pi = 1 / (1 - 1/2) at every lumel.
+EXACT = 2.0
+WANTED = 0.01
+
+
+def assert_furnace(report_path: Path) -> None:
+    """Every lit lumel of every image of the report is EXACT within the wanted error, and the report says so."""
+    report = json.loads(report_path.read_text(encoding="utf-8"))
+    assert [output["object"] for output in report["outputs"]] == ["Furnace"]
+    pixels = read_exr(report_path.parent / report["outputs"][0]["image"])
+    lit = pixels[(pixels > 0).any(axis=2)]
+    assert len(lit) > 0.3 * pixels.shape[0] * pixels.shape[1]
+    assert np.sqrt(np.mean((lit / EXACT - 1) ** 2)) < WANTED
+    assert report["error"]["estimated"]["rms"] < WANTED
+    assert report["lumels"] > 0
+    assert abs(report["energy"]["imbalance"]) < WANTED
+
+
+def test_the_zip_bakes_in_the_bpy_wheel(linux_zip: Path, tmp_path: Path) -> None:
+    # The closed furnace; exact answer 2 at every lumel. All packages must come out of the zip, though this
+    # environment has them as well.
+    pytest.importorskip("bpy", reason="the bpy wheel is not installed")
+    resources, folder = tmp_path / "resources", tmp_path / "bake"
+    resources.mkdir()
+    folder.mkdir()
+    done = subprocess.run(
+        [sys.executable, str(HERE / "bake_installed.py"), str(linux_zip), str(folder)],
+        env={**os.environ, "BLENDER_USER_RESOURCES": str(resources)},
+        capture_output=True, text=True, timeout=300, check=False,
+    )
+    assert done.returncode == 0, done.stdout + done.stderr
+    assert "BAKE {'FINISHED'}" in done.stdout
+    where = json.loads((folder / "where.json").read_text(encoding="utf-8"))
+    assert all(Path(path).is_relative_to(resources) for path in where.values()), where
+    assert (folder / "baked.blend").stat().st_size > 0
+    assert_furnace(folder / "lightmaps" / "report.json")
+
+
+@pytest.mark.usefixtures("real_blender")
+def test_the_zip_bakes_in_the_real_blender_from_the_command_line(linux_zip: Path, tmp_path: Path) -> None:
+    # The same furnace, made and baked by Blender 4.3.2 with Python 3.13 and NumPy 2; exact answer 2 at every lumel.
+    resources, folder = tmp_path / "resources", tmp_path / "bake"
+    resources.mkdir()
+    scene = tmp_path / "scene.blend"
+
+    def blender(*arguments: str | Path) -> str:
+        done = real_blender.run([str(argument) for argument in arguments], resources, timeout=300)
+        assert done.returncode == 0, done.stdout
+        return done.stdout
+
+    blender("--command", "extension", "install-file", "-r", "user_default", "-e", linux_zip)
+    blender("-b", "--factory-startup", "--python-exit-code", "3", "--python", HERE / "furnace.py", "--", scene)
+    told = blender("-b", scene, "-c", "radiosity", "bake", "--output", folder, "--error", str(WANTED),
+                   "--save", folder / "baked.blend", "--report", folder / "report.json")
+    assert "Traceback" not in told
+    assert (folder / "baked.blend").stat().st_size > 0
+    assert_furnace(folder / "report.json")
+
+
+@pytest.mark.usefixtures("real_blender")
+def test_the_command_line_tells_wrong_arguments_by_exit_code_2(linux_zip: Path, tmp_path: Path) -> None:
+    done = real_blender.run(
+        ["--command", "extension", "install-file", "-r", "user_default", "-e", str(linux_zip)], tmp_path, timeout=120
+    )
+    assert done.returncode == 0, done.stdout
+    done = real_blender.run(["-b", "-c", "radiosity", "bake", "--error", "much"], tmp_path, timeout=120)
+    assert done.returncode == 2, done.stdout
+    assert "Traceback" not in done.stdout
