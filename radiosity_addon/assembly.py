@@ -178,7 +178,7 @@ class Assembly:
             warn(self.warnings, item.name, "texture", f"its UV map {layer!r} has values that are not finite: "
                  "they count as 0, unwrap again")
             placed = np.nan_to_num(placed, nan=0.0, posinf=0.0, neginf=0.0)
-        return placed.astype(np.float32)
+        return np.asarray(placed, np.float32)
 
     def _check_one_layout(self, shading: Shading, material: str) -> None:
         first, second = shading.reflectance.image, shading.emission.image

@@ -23,7 +23,7 @@ FORBIDDEN = re.compile(r'[<>:"/\\|?*\x00-\x1f]')
 
 
 def write_file(folder: Path, name: str, pixels: Float, header: dict[str, str | float], taken: set[Path]) -> Path:
-    """Write `name`.exr into the folder; where a file of that name is not ours or is just written, `name`_2.exr and so on.
+    """Write `name`.exr into the folder; `name`_2.exr and so on where such a file is not ours, or was just written.
 
     Raises
     ------

@@ -24,7 +24,8 @@ def open_blend(path: Path) -> None:
     try:
         bpy.ops.wm.open_mainfile(filepath=str(path), load_ui=False, use_scripts=False)
     except RuntimeError as cause:
-        raise OutputError(f"{path} can't be opened ({_first_line(cause)}): check that this Blender can read it") from cause
+        raise OutputError(
+            f"{path} can't be opened ({_first_line(cause)}): check that it is a .blend of this Blender") from cause
 
 
 def save_copy(path: Path) -> None:
@@ -38,7 +39,8 @@ def save_copy(path: Path) -> None:
     try:
         bpy.ops.wm.save_as_mainfile(filepath=str(path), copy=True, check_existing=False, relative_remap=True)
     except RuntimeError as cause:
-        raise OutputError(f"{path} can't be written ({_first_line(cause)}): check the folder's rights and space") from cause
+        raise OutputError(
+            f"{path} can't be written ({_first_line(cause)}): check the folder's rights and space") from cause
 
 
 def _first_line(cause: Exception) -> str:

@@ -32,7 +32,8 @@ def read_texture(image: Any, material: str, warnings: Warnings) -> Texture:
         warn(warnings, material, "texture", f"image {image.name!r} has UDIM tiles, of which the first alone is used: "
              "join them into one image")
     elif image.source in {"SEQUENCE", "MOVIE"}:
-        warn(warnings, material, "texture", f"image {image.name!r} is a {image.source.lower()}: its present frame is used")
+        kind = image.source.lower()
+        warn(warnings, material, "texture", f"image {image.name!r} is a {kind}: its present frame is used")
     width, height = image.size
     channels = image.channels
     if not (width and height and channels):

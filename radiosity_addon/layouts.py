@@ -38,7 +38,7 @@ def with_shared_layouts(scene: Scene, bindings: Sequence[Binding], settings: Set
         return scene, settings
     if settings.atlas == "shared":
         for group in groups:
-            warn(warnings, bindings[group[0]].surface, "own_image", f"shares its mesh with {len(group) - 1} other objects: "
+            warn(warnings, bindings[group[0]].surface, "own_image", f"shares its mesh with {len(group) - 1} others: "
                  "each of them gets an image of its own; make them single-user to have them on shared pages")
     first = [scene.surfaces[group[0]] for group in groups]
     layout = make_layout(_part(scene, first), replace(settings, atlas="object"), warnings, progress)
@@ -55,7 +55,7 @@ def with_shared_layouts(scene: Scene, bindings: Sequence[Binding], settings: Set
 
 
 def _groups(scene: Scene, bindings: Sequence[Binding]) -> list[list[int]]:
-    """Indices of receiving surfaces that share a layout, the one with the most triangles first (it covers the others)."""
+    """Indices of receiving surfaces that share a layout; the one with the most triangles, which covers all, first."""
     members: dict[str, list[int]] = defaultdict(list)
     for index, (surface, binding) in enumerate(zip(scene.surfaces, bindings, strict=True)):
         if surface.receives and binding.layout:

@@ -160,13 +160,14 @@ def _clamped(shading: Shading, name: str, warnings: Warnings) -> Shading:
     factor = np.asarray(shading.reflectance.factor)
     if shading.reflectance.image is None and (factor >= 1).any():
         warn(warnings, name, "reflectance",
-             f"its base colour ({_numbers(shading.reflectance.factor)}) reflects all light or more: it is held to {HIGHEST}, "
-             "choose a darker one")
+             f"its base colour ({_numbers(shading.reflectance.factor)}) reflects all light or more: it is held to "
+             f"{HIGHEST}, choose a darker one")
     if (factor < 0).any():
         warn(warnings, name, "reflectance",
-             f"its base colour ({_numbers(shading.reflectance.factor)}) is negative: it is held to 0, choose a real one")
+             f"its base colour ({_numbers(shading.reflectance.factor)}) is negative: it is held to 0, choose another")
     if (np.asarray(shading.emission.factor) < 0).any():
-        warn(warnings, name, "emission", f"its emission ({_numbers(shading.emission.factor)}) is negative: it is held to 0")
+        warn(warnings, name, "emission",
+             f"its emission ({_numbers(shading.emission.factor)}) is negative: it is held to 0, choose another")
     held = shading.reflectance.clipped(0.0, HIGHEST if shading.reflectance.image is None else 1.0)
     return replace(shading, reflectance=held, emission=shading.emission.clipped(0.0, np.inf))
 

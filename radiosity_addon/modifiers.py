@@ -26,7 +26,8 @@ def apply_modifiers(scene: Any, view_layer: Any, bindings: Sequence[Binding], wa
         item.modifiers.clear()
         item.data = mesh
         warn(warnings, name, "modifiers_applied",
-             f"its modifiers ({kinds}) were applied, so that its mesh can hold the result (--no-apply-modifiers keeps them)")
+             f"its modifiers ({kinds}) were applied, so that its mesh can hold the result "
+             "(--no-apply-modifiers keeps them)")
     return set(meshes)
 
 

@@ -18,7 +18,7 @@ from .warn import Warnings
 
 def complete(report: dict[str, Any], *, scene: str, blender: str, settings: Settings, outputs: list[dict[str, Any]],
              warnings: Warnings, stages: dict[str, float], seconds: float) -> dict[str, Any]:
-    """The solver's report with scene, settings, outputs, warnings, our own stages before and after, and the whole time."""
+    """The solver's report with scene, settings, outputs, warnings, our own stages, and the whole time."""
     before = [{"name": name, "seconds": stages[name], "rays": 0} for name in ("export", "unwrap") if name in stages]
     after = [{"name": name, "seconds": stages[name], "rays": 0} for name in ("write",) if name in stages]
     return {

@@ -1,4 +1,4 @@
-"""Colours and numbers behind the sockets of shader nodes: flat, or one image; anything else by its closest flat value."""
+"""Colours and numbers behind the sockets of shader nodes: flat, or one image; anything else by a flat value."""
 
 from __future__ import annotations
 
@@ -89,7 +89,8 @@ class Reader:
                 socket = node.internal_links[0].from_socket
             elif node.bl_idname == "ShaderNodeGroup" and node.node_tree is not None:
                 self._groups.append(node)
-                inside = next((n for n in node.node_tree.nodes if n.bl_idname == "NodeGroupOutput" and n.is_active_output), None)
+                outputs = (inner for inner in node.node_tree.nodes if inner.bl_idname == "NodeGroupOutput")
+                inside = next((inner for inner in outputs if inner.is_active_output), None)
                 if inside is None:
                     return None
                 socket = inside.inputs[output.name]
@@ -143,7 +144,7 @@ class Reader:
 
     def _image(self, node: Any) -> Colour:
         if node.projection != "FLAT":
-            self.warn(f"image {node.image.name!r} is projected as {node.projection.lower()}: it is laid out by UV instead")
+            self.warn(f"image {node.image.name!r} is projected as {node.projection.lower()}: it is laid out by UV here")
         uv_map, matrix = self._coordinates(node.inputs["Vector"])
         return Colour((1.0, 1.0, 1.0), ImageUse(node.image, uv_map, matrix))
 
@@ -166,7 +167,7 @@ class Reader:
             step = self._mapping(node)
             matrix = np.column_stack([matrix[:, :2] @ step[:, :2], matrix[:, :2] @ step[:, 2] + matrix[:, 2]])
             socket = node.inputs["Vector"]
-        self.warn(f"an image is laid out by {source.node.bl_label!r} {source.name!r}: the active UV map is used instead")
+        self.warn(f"an image is laid out by {source.node.bl_label!r} {source.name!r}: the active UV map is used here")
         return "", matrix
 
     def _mapping(self, node: Any) -> NDArray[np.float64]:

@@ -1,0 +1,28 @@
+"""The user's verbs, one a file. Nothing is imported before `register()`."""
+
+from __future__ import annotations
+
+
+def _classes() -> tuple[type, ...]:
+    """The layer's operators, in the order of registration."""
+    from .bake import RADIOSITY_OT_bake
+    from .check import RADIOSITY_OT_check
+    from .clear import RADIOSITY_OT_clear
+
+    return (RADIOSITY_OT_bake, RADIOSITY_OT_check, RADIOSITY_OT_clear)
+
+
+def register() -> None:
+    """Register the operators."""
+    import bpy
+
+    for cls in _classes():
+        bpy.utils.register_class(cls)
+
+
+def unregister() -> None:
+    """Undo register(), last first."""
+    import bpy
+
+    for cls in reversed(_classes()):
+        bpy.utils.unregister_class(cls)

@@ -1,0 +1,126 @@
+"""Bake Radiosity: in the window beside the user's work, in background or from scripts until it is done."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import bpy
+from bpy.props import StringProperty
+
+from ..radiosity_addon.command import parse_options
+from ..radiosity_addon.job import Job, Outcome, run
+from ..radiosity_addon.summary import one_line
+from ..radiosity_addon.warn import as_line
+from ..radiosity_addon.window_request import request_in
+from ..solver.errors import Cancelled, RadiosityError
+
+# Seconds between two looks at the bake.
+TICK = 0.1
+# More warnings than this are counted, and listed in the report.
+SHOWN_WARNINGS = 5
+
+
+class RADIOSITY_OT_bake(bpy.types.Operator):
+    """Bake the scene's diffuse light into lightmaps or vertex colors"""
+
+    bl_idname = "radiosity.bake"
+    bl_label = "Bake Radiosity"
+    bl_options = {"REGISTER", "UNDO"}
+
+    options: StringProperty(  # type: ignore[valid-type]
+        name="Options", description="Options of the command line that go before the panel's settings",
+        options={"SKIP_SAVE"})
+
+    @classmethod
+    def poll(cls, context: Any) -> bool:
+        if Job.current is not None:
+            cls.poll_message_set("A bake is on its way: wait for it, or press Esc to cancel it")
+            return False
+        return context.scene is not None
+
+    def execute(self, context: Any) -> set[str]:
+        """Bake and wait."""
+        try:
+            request = request_in(context, parse_options(self.options))
+            outcome = run(request, context.scene, context.view_layer)
+        except RadiosityError as error:
+            return self._failed(error)
+        return self._tell(outcome)
+
+    def invoke(self, context: Any, _event: Any) -> set[str]:
+        """Bake in a thread, looked after by a timer."""
+        if bpy.app.background:
+            return self.execute(context)
+        try:
+            self._job = Job(request_in(context, parse_options(self.options)), context.scene, context.view_layer)
+        except RadiosityError as error:
+            return self._failed(error)
+        try:
+            self._job.export()
+        except RadiosityError as error:
+            self._job.close()
+            return self._failed(error)
+        except BaseException:
+            self._job.close()
+            raise
+        self._job.start()
+        manager = context.window_manager
+        manager.progress_begin(0, 100)
+        self._timer = manager.event_timer_add(TICK, window=context.window)
+        manager.modal_handler_add(self)
+        return {"RUNNING_MODAL"}
+
+    def modal(self, context: Any, event: Any) -> set[str]:
+        """Show how far it is; Esc cancels; write the results when the worker has ended."""
+        if event.type == "ESC" and event.value == "PRESS":
+            self._job.cancel()
+            return {"RUNNING_MODAL"}
+        if event.type != "TIMER":
+            return {"PASS_THROUGH"}
+        progress = self._job.progress
+        context.window_manager.progress_update(round(progress.fraction * 100))
+        _show(context, f"Radiosity {progress.line()} (Esc cancels)")
+        if not self._job.is_done:
+            return {"PASS_THROUGH"}
+        try:
+            outcome = self._job.finish()
+        except RadiosityError as error:
+            return self._failed(error)
+        finally:
+            self._end(context)
+        return self._tell(outcome)
+
+    def cancel(self, context: Any) -> None:
+        """Blender ends the operator: a file is loaded, or the window closed."""
+        self._end(context)
+
+    def _end(self, context: Any) -> None:
+        self._job.close()
+        context.window_manager.event_timer_remove(self._timer)
+        context.window_manager.progress_end()
+        _show(context, None)
+
+    def _failed(self, error: RadiosityError) -> set[str]:
+        self.report({"WARNING"} if isinstance(error, Cancelled) else {"ERROR"}, str(error))
+        return {"CANCELLED"}
+
+    def _tell(self, outcome: Outcome) -> set[str]:
+        warnings = outcome.report["warnings"]
+        for warning in warnings[:SHOWN_WARNINGS]:
+            self.report({"WARNING"}, as_line(warning))
+        if len(warnings) > SHOWN_WARNINGS:
+            self.report({"WARNING"}, f"{len(warnings) - SHOWN_WARNINGS} more warnings are in the report")
+        if outcome.exit_code:
+            self.report({"WARNING"}, f"The wanted error of {outcome.report['error']['wanted']:.2%} was not reached")
+        self.report({"INFO"}, f"Baked {one_line(outcome.report)}")
+        return {"FINISHED"}
+
+
+def _show(context: Any, text: str | None) -> None:
+    """A text in the status bar, None for Blender's own; the panels draw their bar anew."""
+    if context.workspace is not None:
+        context.workspace.status_text_set(text)
+    for window in context.window_manager.windows:
+        for area in window.screen.areas:
+            if area.type == "VIEW_3D":
+                area.tag_redraw()

@@ -1,0 +1,28 @@
+"""Clear: take everything that we made out of the .blend; files on disk stay."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import bpy
+
+from ..radiosity_addon.clear import clear
+from ..radiosity_addon.job import Job
+
+
+class RADIOSITY_OT_clear(bpy.types.Operator):
+    """Remove baked images, lightmap UV maps and color attributes from the .blend"""
+
+    bl_idname = "radiosity.clear"
+    bl_label = "Clear"
+    bl_options = {"REGISTER", "UNDO"}
+
+    @classmethod
+    def poll(cls, _context: Any) -> bool:
+        return Job.current is None
+
+    def execute(self, _context: Any) -> set[str]:
+        """Remove, and say how much."""
+        images, meshes = clear()
+        self.report({"INFO"}, f"Removed {images} images, and layers of {meshes} meshes")
+        return {"FINISHED"} if images or meshes else {"CANCELLED"}

@@ -1,0 +1,20 @@
+"""Takes everything that we made out of the .blend."""
+
+from __future__ import annotations
+
+import bpy
+
+from .baked_images import MARK
+from .mesh_layers import remove_ours
+
+
+def clear() -> tuple[int, int]:
+    """Remove our images, UV maps, colour attributes and custom properties; counts of images and of meshes."""
+    meshes = sum(remove_ours(mesh) for mesh in bpy.data.meshes if mesh.library is None)
+    for item in bpy.data.objects:
+        if item.library is None and MARK in item:
+            del item[MARK]
+    ours = [image for image in bpy.data.images if image.library is None and MARK in image]
+    for image in ours:
+        bpy.data.images.remove(image)
+    return len(ours), meshes

@@ -1,0 +1,194 @@
+"""A bake from start to end: export and write-back in Blender's thread, the long work in a thread of its own.
+
+The worker touches arrays alone and never bpy. In the window a timer looks after it; elsewhere the caller waits.
+"""
+
+from __future__ import annotations
+
+import signal
+import threading
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from typing import Any
+
+import bpy
+
+from ..solver.bake import bake
+from ..solver.errors import Cancelled, RadiosityError
+from ..solver.result import Bake
+from . import blend_file, compat, report
+from .export import Exported, export_scene
+from .layouts import with_shared_layouts
+from .progress import Progress, Terminal
+from .request import Request
+from .summary import print_warnings
+from .warn import Warnings
+from .write_back import write_back
+
+# Exit code of a bake whose results are written, but not as exact as was asked for.
+ERROR_NOT_REACHED = 4
+# Seconds between two looks at the worker.
+TICK = 0.05
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """What came of a bake: the report, and the exit code that tells of it."""
+
+    report: dict[str, Any]
+    exit_code: int
+
+
+class Job:
+    """One bake. In this order: `export`, `start`, wait until `is_done`, `finish`; `close` in any case."""
+
+    # The one that is on its way, if any: a second one is refused.
+    current: Job | None = None
+
+    def __init__(self, request: Request, scene: Any, view_layer: Any) -> None:
+        """Raises RadiosityError if another job is on its way."""
+        if Job.current is not None:
+            raise RadiosityError("a bake is already on its way: wait for it, or press Esc to cancel it")
+        Job.current = self
+        self.request = request
+        self.warnings: Warnings = []
+        self.progress = Progress()
+        self._scene_name, self._layer_name = scene.name, view_layer.name
+        self._started = time.perf_counter()
+        self._seconds: dict[str, float] = {}
+        self._cancel = threading.Event()
+        self._thread: threading.Thread | None = None
+        self._exported: Exported | None = None
+        self._bake: Bake | None = None
+        self._failure: BaseException | None = None
+
+    def export(self) -> None:
+        """Read the scene, and see that results can be written. Raises RadiosityError."""
+        with self._timed("export"):
+            self.request.check_writable()
+            scene, layer = self._place()
+            self._exported = export_scene(scene, layer, self.request.settings, self.warnings)
+        self.progress("export", 1.0)
+
+    def start(self) -> None:
+        """Set the worker off."""
+        self._thread = threading.Thread(target=self._work, name="radiosity bake", daemon=True)
+        self._thread.start()
+
+    @property
+    def is_done(self) -> bool:
+        """Whether the worker has ended, in whatever way."""
+        return self._thread is None or not self._thread.is_alive()
+
+    def cancel(self) -> None:
+        """Ask the worker to stop."""
+        self._cancel.set()
+
+    def wait(self, seconds: float) -> None:
+        """Give the worker some time."""
+        if self._thread is not None:
+            self._thread.join(seconds)
+
+    def finish(self) -> Outcome:
+        """Write the results. Raises what the worker raised, or RadiosityError."""
+        self.wait(threading.TIMEOUT_MAX)
+        if self._failure is not None:
+            raise self._failure
+        assert self._exported is not None
+        assert self._bake is not None
+        with self._timed("write"):
+            self.progress("write", 0.0)
+            scene, layer = self._place()
+            self._add_solver_warnings()
+            outputs = write_back(self._exported, self._bake, self.request, scene, layer, self.warnings)
+            if self.request.save is not None:
+                blend_file.save_copy(self.request.save)
+        full = report.complete(
+            self._bake.report, scene=bpy.data.filepath or self._scene_name, blender=compat.version(),
+            settings=self.request.settings, outputs=outputs, warnings=self.warnings, stages=self._seconds,
+            seconds=time.perf_counter() - self._started)
+        if self.request.report_path is not None:
+            report.write(full, self.request.report_path)
+        self.progress("write", 1.0)
+        return Outcome(full, 0 if report.reached(full) else ERROR_NOT_REACHED)
+
+    def close(self) -> None:
+        """End the worker and make room for the next job."""
+        self.cancel()
+        self.wait(threading.TIMEOUT_MAX)
+        if Job.current is self:
+            Job.current = None
+
+    def _work(self) -> None:
+        assert self._exported is not None
+        try:
+            with self._timed("unwrap"):
+                scene, settings = with_shared_layouts(self._exported.scene, self._exported.bindings,
+                                                      self._exported.settings, self.warnings, self._unwrapping)
+            self._bake = bake(scene, settings, progress=self.progress, cancelled=self._cancel.is_set)
+        except BaseException as error:  # noqa: BLE001 - it is raised again in Blender's thread, by finish()
+            self._failure = error
+
+    def _unwrapping(self, fraction: float) -> None:
+        self.progress("unwrap", fraction)
+        if self._cancel.is_set():
+            raise Cancelled("the bake was cancelled: nothing was changed")
+
+    def _add_solver_warnings(self) -> None:
+        assert self._bake is not None
+        self.warnings.extend(entry for entry in self._bake.report.get("warnings", []) if entry not in self.warnings)
+
+    def _place(self) -> tuple[Any, Any]:
+        """Scene and view layer, found by name: undo and file loads make new ones while a bake runs."""
+        scene = bpy.data.scenes.get(self._scene_name)
+        layer = scene.view_layers.get(self._layer_name) if scene is not None else None
+        if layer is None:
+            raise RadiosityError(f"scene {self._scene_name!r} or its view layer {self._layer_name!r} was removed "
+                                 "during the bake: bake again")
+        return scene, layer
+
+    @contextmanager
+    def _timed(self, name: str) -> Iterator[None]:
+        start = time.perf_counter()
+        yield
+        self._seconds[name] = time.perf_counter() - start
+
+
+def run(request: Request, scene: Any, view_layer: Any) -> Outcome:
+    """Bake and wait for it, with progress and warnings on the terminal; Ctrl C cancels.
+
+    Raises
+    ------
+    RadiosityError
+        With its exit code.
+    """
+    job = Job(request, scene, view_layer)
+    terminal = Terminal(job.progress)
+    try:
+        with _interrupts(job):
+            job.export()
+            job.start()
+            while not job.is_done:
+                job.wait(TICK)
+                terminal.show()
+            terminal.close()
+            return job.finish()
+    finally:
+        job.close()
+        print_warnings(job.warnings)
+
+
+@contextmanager
+def _interrupts(job: Job) -> Iterator[None]:
+    """Let Ctrl C cancel the job; Blender's own handler knows nothing of it."""
+    if threading.current_thread() is not threading.main_thread():
+        yield
+        return
+    before = signal.signal(signal.SIGINT, lambda _number, _frame: job.cancel())
+    try:
+        yield
+    finally:
+        # None: a handler that was not set from Python, and can't be set again from here.
+        signal.signal(signal.SIGINT, before if before is not None else signal.SIG_DFL)
