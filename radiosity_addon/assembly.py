@@ -169,7 +169,7 @@ class Assembly:
         layer = image.uv_map or next((layer.name for layer in layers if layer.active_render), "")
         if layer not in layers:
             lacks = f"no UV map {layer!r}" if layer else "no UV map"
-            warn(self.warnings, item.name, "texture", f"has {lacks} for the image {image.image.name!r} of material "
+            warn(self.warnings, item.name, "texture", f"has {lacks} for image {image.image.name!r} of material "
                  f"{material!r}: the image's first pixel is used, unwrap the object")
             return np.zeros((len(corners), 3, 2), np.float32)
         uv = read_uv(item.mesh, layer)[corners].astype(np.float64)
@@ -197,7 +197,7 @@ def _world_normals(mesh: MeshArrays, matrix: NDArray[np.float64], positions: Flo
     linear = matrix[:3, :3]
     # Normals go with the inverse transpose; times the determinant's size it is the cofactor matrix, which
     # exists for flattened objects too.
-    cofactor = np.stack([np.cross(linear[1], linear[2]), np.cross(linear[2], linear[0]), np.cross(linear[0], linear[1])])
+    cofactor = np.cross(linear[[1, 2, 0]], linear[[2, 0, 1]])
     if np.linalg.det(linear) < 0:
         cofactor = -cofactor
     normals = mesh.corner_normals[:, order].astype(np.float64) @ cofactor.T

@@ -1,4 +1,4 @@
-"""What ties a surface of the solver's scene to Blender: names, as no reference to Blender's data outlives the export."""
+"""What ties a surface of the solver's scene to Blender: names, as no reference to its data outlives the export."""
 
 from __future__ import annotations
 

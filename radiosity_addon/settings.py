@@ -66,7 +66,7 @@ class RADIOSITY_PG_settings(bpy.types.PropertyGroup):
     threads: IntProperty(  # type: ignore[valid-type]
         name="Threads", description="0 uses all cores", default=0, min=0, max=1024)
     output: StringProperty(  # type: ignore[valid-type]
-        name="Output", description="Folder of the image files and the report", subtype="DIR_PATH", default="//lightmaps")
+        name="Output", description="Folder of the images and the report", subtype="DIR_PATH", default="//lightmaps")
     pack: BoolProperty(  # type: ignore[valid-type]
         name="Pack Images", default=False,
         description="Keep the images in the .blend and write no files; else they are linked to EXR files")
@@ -96,7 +96,8 @@ def words_of(scene: Any) -> dict[str, Any]:
     # A float property holds .03 as .029999999: as many digits as it has, and no more.
     words.update({name: float(f"{words[name]:.6g}") for name in ("error", "footprint")})
     optional = {"uv_layer": kept.uv_layer, "resolution": kept.resolution,
-                "texel_density": float(f"{kept.texel_density:.6g}"), "atlas": kept.atlas if kept.atlas != "auto" else ""}
+                "texel_density": float(f"{kept.texel_density:.6g}"),
+                "atlas": kept.atlas if kept.atlas != "auto" else ""}
     return {**words, **{name: value for name, value in optional.items() if value}}
 
 
