@@ -12,6 +12,7 @@ from __future__ import annotations
 
 import argparse
 import csv
+import os
 import sys
 from dataclasses import asdict, dataclass, fields
 from pathlib import Path
@@ -28,6 +29,8 @@ Float = NDArray[np.floating[Any]]
 
 # Noise that references are made to when there are none yet, and for how long at most.
 FIRST_NOISE, FIRST_MINUTES, FIRST_SAMPLES = 0.09, 10.0, 256
+# A load above this when a bake begins means that others use the machine too.
+BUSY = 0.5
 
 
 @dataclass(frozen=True)
@@ -36,6 +39,8 @@ class Row:
 
     knob : what was asked of the program: our `error`, Cycles' samples.
     seconds : our report's (export and write-back included), or Cycles' bake operator's (synchronisation included).
+    cpu_seconds : of all threads; ours hold the start of Python and Blender too. What to look at on a busy machine.
+    busy : the machine's load when the bake began, in processes waiting to run; above .5 `seconds` are not worth much.
     estimated : the error that the program itself reports (Cycles has none);  reached : whether it says it reached it.
     edge_rms, edge_lumels : the same estimate over the edge lumels, a set of its own, in parts of its own mean.
     clean : whether the references' noise is below three times rms.
@@ -46,6 +51,8 @@ class Row:
     knob: str
     seconds: float
     process_seconds: float
+    cpu_seconds: float
+    busy: float
     rays: int | None
     lumels: int
     rms: float
@@ -105,6 +112,8 @@ class Comparison:
         radiance: dict[str, Float],
         seconds: float,
         *,
+        cpu_seconds: float,
+        busy: float,
         process_seconds: float = 0.0,
         rays: int | None = None,
         estimated: float | None = None,
@@ -119,6 +128,8 @@ class Comparison:
             knob=knob,
             seconds=seconds,
             process_seconds=process_seconds or seconds,
+            cpu_seconds=cpu_seconds,
+            busy=busy,
             rays=rays,
             lumels=inner.lumels,
             rms=inner.rms,
@@ -156,10 +167,16 @@ class Comparison:
         )
 
 
+def load() -> float:
+    """Processes waiting to run, on average over the last minute (nan where the system does not tell)."""
+    return os.getloadavg()[0] if hasattr(os, "getloadavg") else float("nan")
+
+
 def run_ours(comparison: Comparison, errors: list[float], extra: tuple[str, ...], by_object: bool) -> None:
     """Our bakes, one for each wanted error."""
     for error in errors:
         folder = comparison.case.folder / f"ours_{error:g}"
+        busy = load()
         done = ours.bake(comparison.case, comparison.known, error, folder, extra)
         row = comparison.add(
             "ours",
@@ -167,6 +184,8 @@ def run_ours(comparison: Comparison, errors: list[float], extra: tuple[str, ...]
             done.radiance,
             done.seconds,
             process_seconds=done.process_seconds,
+            cpu_seconds=done.cpu_seconds,
+            busy=busy,
             rays=done.rays,
             estimated=done.estimated.get("rms"),
             reached=done.reached,
@@ -183,16 +202,27 @@ def run_cycles(comparison: Comparison, samples: list[int]) -> None:
         return
     twin = reference.TwinInCycles(comparison.case)
     for index, count in enumerate(samples):
+        busy = load()
         done = twin.bake(count, reference.TIMED_SEED + index)
         reference.save(comparison.case, done, twin.content)
-        print_row(comparison.add("cycles", str(count), done.radiance, done.seconds))
+        print_row(
+            comparison.add("cycles", str(count), done.radiance, done.seconds, cpu_seconds=done.cpu_seconds, busy=busy)
+        )
 
 
 def earlier_cycles(comparison: Comparison) -> None:
     """Cycles' bakes that an earlier run timed."""
     for done in reference.load(comparison.case, comparison.known["content"]):
         if done.seed >= reference.TIMED_SEED:
-            row = comparison.add("cycles", str(done.samples), done.radiance, done.seconds, measured="earlier run")
+            row = comparison.add(
+                "cycles",
+                str(done.samples),
+                done.radiance,
+                done.seconds,
+                cpu_seconds=done.cpu_seconds,
+                busy=float("nan"),
+                measured="earlier run",
+            )
             print_row(row)
 
 
@@ -202,26 +232,30 @@ def print_equal_error(rows: list[Row]) -> None:
     if not timed:
         print("    no bake of Cycles is timed: give --time-cycles 16 64 256 for the times at equal error")
         return
-    curve = law.fit([int(row.knob) for row in timed], [row.seconds for row in timed], [row.rms for row in timed])
-    print(
-        f"    Cycles: {curve.overhead:.2f} s + {1000 * curve.per_sample:.2f} ms a sample, error {curve.one_sample:.3f}"
-        f" / sqrt(samples), kept within a factor {curve.spread:.2f} by {len(timed)} bakes"
-    )
-    for row in rows:
-        if row.program == "ours" and row.rms > 0:
-            where = "measured" if curve.is_measured_at(row.rms) else "OUTSIDE the measured points, by the law alone"
-            print(
-                f"    at our {row.rms:.2%} (error {row.knob}): Cycles {curve.seconds_at(row.rms):.1f} s with "
-                f"{curve.samples_at(row.rms):.0f} samples, ours {row.seconds:.1f} s: "
-                f"{curve.seconds_at(row.rms) / row.seconds:.2f} times ours ({where})"
-            )
+    for clock in ("seconds", "cpu_seconds"):
+        curve = law.fit(
+            [int(row.knob) for row in timed], [getattr(row, clock) for row in timed], [r.rms for r in timed]
+        )
+        print(
+            f"    Cycles, {clock}: {curve.overhead:.2f} + {curve.per_sample:.4f} a sample, error {curve.one_sample:.3f}"
+            f" / sqrt(samples), kept within a factor {curve.spread:.2f} by {len(timed)} bakes"
+        )
+        for row in rows:
+            if row.program == "ours" and row.rms > 0:
+                where = "measured" if curve.is_measured_at(row.rms) else "OUTSIDE the measured points, by the law alone"
+                theirs, own = curve.seconds_at(row.rms), float(getattr(row, clock))
+                print(
+                    f"      at our {row.rms:.2%} (error {row.knob}): Cycles {theirs:.1f} with "
+                    f"{curve.samples_at(row.rms):.0f} samples, ours {own:.1f}: "
+                    f"Cycles takes {theirs / own:.2f} times as long ({where})"
+                )
 
 
 def print_row(row: Row) -> None:
     """One line for one bake."""
     said = "" if row.estimated is None else f", says {row.estimated:.2%}{'' if row.reached else ' (not reached)'}"
     print(
-        f"  {row.scene} {row.program} {row.knob}: {row.seconds:.1f} s, rms {row.rms:.2%} "
+        f"  {row.scene} {row.program} {row.knob}: {row.seconds:.1f} s ({row.cpu_seconds:.1f} CPU), rms {row.rms:.2%} "
         f"({row.rms_low:.2%} to {row.rms_high:.2%}), p95 {row.p95:.2%}, bias {row.bias:+.2%} "
         f"+- {row.bias_standard_error:.2%}, edge rms {row.edge_rms:.2%}{said}; "
         f"{row.lumels} lumels, {row.trimmed} left out (with them {row.rms_untrimmed:.2%}), "
@@ -254,6 +288,9 @@ def compare(case: Case, errors: list[float], samples: list[int], extra: tuple[st
         earlier_cycles(comparison)
     print_equal_error(comparison.rows)
     write_csv(case.folder / "compare.csv", comparison.rows)
+    busiest = max((row.busy for row in comparison.rows if row.measured == "this run"), default=0.0)
+    if busiest > BUSY:
+        print(f"    other programs kept the machine busy (load {busiest:.1f}): compare CPU seconds, not seconds")
     print(f"    rows: {case.folder / 'compare.csv'}; pictures beside it")
     return comparison.rows
 

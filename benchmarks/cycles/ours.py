@@ -29,12 +29,14 @@ class OurBake:
 
     radiance : (rows, columns, 3) float32 for each receiver, E / pi, row 0 at v = 0.
     seconds : what its report says, export and write-back included;  process_seconds : with Python's start.
+    cpu_seconds : of the whole process, all threads;
     rays : shot in all;  reached : whether it says that it reached the wanted error;  estimated : the error it reports.
     """
 
     radiance: dict[str, Float]
     seconds: float
     process_seconds: float
+    cpu_seconds: float
     rays: int
     reached: bool
     estimated: dict[str, float]
@@ -60,9 +62,9 @@ def bake(case: Case, known: dict[str, Any], error: float, folder: Path, extra: t
         *(word for name in names for word in ("--only", name)),
         *extra,
     ]
-    started = time.perf_counter()
+    started, cpu = time.perf_counter(), _children_seconds()
     done = subprocess.run(command, capture_output=True, text=True, check=False, env=os.environ.copy())
-    passed = time.perf_counter() - started
+    passed, cpu = time.perf_counter() - started, _children_seconds() - cpu
     if done.returncode not in {DONE, ERROR_NOT_REACHED}:
         said = (done.stderr.strip() or done.stdout.strip() or "nothing").splitlines()
         raise RuntimeError(f"{case.name}: our bake ended with code {done.returncode} and said: {said[-1]}")
@@ -71,11 +73,17 @@ def bake(case: Case, known: dict[str, Any], error: float, folder: Path, extra: t
         radiance=_images(report, report_path.parent, names, known["resolution"]),
         seconds=float(report["seconds"]),
         process_seconds=passed,
+        cpu_seconds=cpu,
         rays=int(report["rays"]),
         reached=done.returncode == DONE,
         estimated={key: value for key, value in report["error"]["estimated"].items() if isinstance(value, int | float)},
         stages=report["stages"],
     )
+
+
+def _children_seconds() -> float:
+    times = os.times()
+    return times.children_user + times.children_system
 
 
 def _images(report: dict[str, Any], folder: Path, names: list[str], resolution: int) -> dict[str, Float]:

@@ -132,8 +132,8 @@ def save(case: Case, bake: CyclesBake, content: str) -> Path:
     """Keep one bake."""
     path = case.folder / f"ref_{bake.seed}_{bake.samples}.npz"
     about = {"seed": bake.seed, "samples": bake.samples, "seconds": bake.seconds, "cpu_seconds": bake.cpu_seconds}
-    arrays = {f"radiance/{name}": values for name, values in bake.radiance.items()}
-    arrays |= {f"covered/{name}": values for name, values in bake.covered.items()}
+    arrays: dict[str, NDArray[Any]] = {f"radiance/{name}": values for name, values in bake.radiance.items()}
+    arrays |= {f"covered/{name}": mask for name, mask in bake.covered.items()}
     np.savez_compressed(path, about=json.dumps({**about, "twin": content, "bounces": BOUNCES}), **arrays)
     return path
 

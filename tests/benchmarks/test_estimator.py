@@ -4,16 +4,19 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from numpy.typing import NDArray
 from radiosity.benchmarks.cycles import estimator
 
 LUMELS = 40_000
 
 
-def _truth(random: np.random.Generator, lumels: int = LUMELS) -> np.ndarray:
+def _truth(random: np.random.Generator, lumels: int = LUMELS) -> NDArray[np.float64]:
     return random.uniform(0.5, 1.5, (lumels, 3))
 
 
-def _references(truth: np.ndarray, noise: float, random: np.random.Generator) -> tuple[np.ndarray, np.ndarray]:
+def _references(
+    truth: NDArray[np.float64], noise: float, random: np.random.Generator
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     return truth + random.normal(0, noise, truth.shape), truth + random.normal(0, noise, truth.shape)
 
 
@@ -70,8 +73,8 @@ def test_error_is_a_part_of_the_mean_so_no_unit_matters() -> None:
     random = np.random.default_rng(3)
     truth = _truth(random, 2_000)
     first, second = _references(truth, 0.05, random)
-    ours = truth * random.normal(1, 0.1, truth.shape)
-    one, other = estimator.score(ours, first, second), estimator.score(683 * ours, 683 * first, 683 * second)
+    ours = np.asarray(truth * random.normal(1, 0.1, truth.shape), np.float64)
+    one, other = estimator.score(ours, first, second), estimator.score(683.0 * ours, 683.0 * first, 683.0 * second)
     assert other.rms == pytest.approx(one.rms)
     assert other.p95 == pytest.approx(one.p95)
     assert other.bias == pytest.approx(one.bias)
