@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from . import cap
 from .lamp_checks import put, spectrum, vector, within
-from .lights import LightSample, aimed
+from .lights import LightSample, aimed, dot
 from .polygon import polygon_form_factor
 
 Float = NDArray[np.floating[Any]]
@@ -18,8 +18,8 @@ Float = NDArray[np.floating[Any]]
 # Corners of the polygon of equal area that stands for an ellipse in the closed form. Its outline strays by 1.2e-3 of
 # the radius, inward and outward in turn, which only points within a tenth of the radius of the rim can tell.
 ELLIPSE_CORNERS = 64
-# Half of the narrowest spread, radians: Cycles takes a lamp of spread 0 for a beam of about this width.
-NARROWEST_SPREAD = 1e-4
+# Half of the narrowest spread, radians: a beam (spread 0) is as wide as this, where float32 still tells its angles.
+NARROWEST_SPREAD = 1e-3
 
 
 @dataclass(frozen=True, eq=False)
@@ -110,10 +110,13 @@ class Area:
     def _slats(self, towards_lamp: Float) -> Float:
         """Radiance in each direction over the mean radiance flux / (pi area)."""
         half = max(self.spread / 2, NARROWEST_SPREAD)
-        # Third order below .05 rad, where the difference of tangent and angle loses its digits.
+        # Two terms of its series below .05 rad, where the difference of tangent and angle loses its digits.
         norm = 1 / (self._tangent - half) if half > 0.05 else 3 / half**3 * (1 - 0.4 * half**2)
-        cosine = -(towards_lamp @ self.normal.astype(np.float32))
-        tangent = np.sqrt(np.maximum(1 - cosine**2, 0)) / np.maximum(cosine, np.float32(1e-6))
+        normal = self.normal.astype(np.float32)
+        cosine = -(towards_lamp @ normal)
+        # Not from 1 - cosine^2, which has no digits left on narrow beams.
+        across = towards_lamp + cosine[:, None] * normal
+        tangent = np.sqrt(dot(across, across)) / np.maximum(cosine, np.float32(1e-6))
         return np.asarray(np.maximum((self._tangent - tangent) * norm, 0))
 
     def _narrowed(self, points: Float, uv: Float, target: Float) -> tuple[Float, Float]:

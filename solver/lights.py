@@ -40,7 +40,10 @@ class LightSample:
 class Light(Protocol):
     """A lamp."""
 
-    name: str
+    @property
+    def name(self) -> str:
+        """For messages."""
+        ...
 
     @property
     def colour(self) -> Float:

@@ -51,6 +51,7 @@ class MeshEmitter:
             raise SceneError(f"emitter {self.name!r}: radiance must be ({len(corners)}, 3), >= 0 and finite")
         triangles = _Triangles.of(corners, radiance)
         mixed = radiance - radiance.sum(axis=1, keepdims=True) * triangles.chromaticity
+        mixed = mixed[np.abs(triangles.normal).any(axis=1)]  # a triangle without area has no say
         if np.abs(mixed).max(initial=0) > 2 * CHROMATICITY_STEP * radiance.sum(axis=1).max(initial=0):
             raise SceneError(f"emitter {self.name!r} mixes colours: split it by chromaticity (group_emitters)")
         put(self, corners=corners, radiance=radiance, _triangles=triangles)
