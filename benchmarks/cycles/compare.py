@@ -59,6 +59,7 @@ class Row:
     rms_low: float
     rms_high: float
     p95: float
+    p95_noise: float
     bias: float
     bias_standard_error: float
     edge_rms: float
@@ -136,6 +137,7 @@ class Comparison:
             rms_low=inner.rms_low,
             rms_high=inner.rms_high,
             p95=inner.p95,
+            p95_noise=inner.p95_noise,
             bias=inner.bias,
             bias_standard_error=inner.bias_standard_error,
             edge_rms=edge.rms,
@@ -256,7 +258,7 @@ def print_row(row: Row) -> None:
     said = "" if row.estimated is None else f", says {row.estimated:.2%}{'' if row.reached else ' (not reached)'}"
     print(
         f"  {row.scene} {row.program} {row.knob}: {row.seconds:.1f} s ({row.cpu_seconds:.1f} CPU), rms {row.rms:.2%} "
-        f"({row.rms_low:.2%} to {row.rms_high:.2%}), p95 {row.p95:.2%}, bias {row.bias:+.2%} "
+        f"({row.rms_low:.2%} to {row.rms_high:.2%}), p95 {row.p95:.2%} (noise alone {row.p95_noise:.2%}), bias {row.bias:+.2%} "
         f"+- {row.bias_standard_error:.2%}, edge rms {row.edge_rms:.2%}{said}; "
         f"{row.lumels} lumels, {row.trimmed} left out (with them {row.rms_untrimmed:.2%}), "
         f"references' noise {row.noise:.2%}{'' if row.clean else ': TOO NOISY for this error'}",

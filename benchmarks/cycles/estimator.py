@@ -36,7 +36,8 @@ class Score:
     mean : mean of the reference over lumels and R, G, B, in the unit of the images.
     rms : relative RMS error, its reference noise taken out;  rms_low, rms_high : its 95 % interval (sampling of lumels
         and noise of the references).
-    p95 : 95th percentile over lumels of the RMS over R, G, B of (ours - reference). Holds the reference's noise.
+    p95 : 95th percentile over lumels of the RMS over R, G, B of (ours - mean of the references). Holds their noise:
+    p95_noise : what a perfect bake would show, from (first - second) / 2, which is spread as the mean's noise is.
     bias : mean of (ours - reference), signed;  bias_standard_error : from the spread over lumels.
     noise : relative RMS noise of *one* reference, from the difference of the two.
     rms_untrimmed : rms with nothing left out.
@@ -49,6 +50,7 @@ class Score:
     rms_low: float
     rms_high: float
     p95: float
+    p95_noise: float
     bias: float
     bias_standard_error: float
     noise: float
@@ -144,7 +146,8 @@ def score(ours: Float, first: Float, second: Float, fraction: float = TRIMMED_FR
         rms=_root(square) / mean,
         rms_low=_root(square - INTERVAL * square_error) / mean,
         rms_high=_root(square + INTERVAL * square_error) / mean,
-        p95=float(np.percentile(np.sqrt(np.square(deviation).mean(axis=1)), 95)) / mean,
+        p95=_percentile(deviation) / mean,
+        p95_noise=_percentile((first - second) / 2) / mean,
         bias=float(signed.mean()) / mean,
         bias_standard_error=float(signed.std() / np.sqrt(len(signed))) / mean,
         noise=_root(float(np.square(first - second).mean()) / 2) / mean,
@@ -155,6 +158,10 @@ def score(ours: Float, first: Float, second: Float, fraction: float = TRIMMED_FR
 def noise_of(first: Float, second: Float) -> float:
     """Relative RMS noise of one reference, from two independent ones (n, 3): ||r1 - r2|| / sqrt(2) / mean."""
     return _root(float(np.square(first - second).mean()) / 2) / float((first + second).mean() / 2)
+
+
+def _percentile(deviation: Float) -> float:
+    return float(np.percentile(np.sqrt(np.square(deviation).mean(axis=1)), 95))
 
 
 def _root(square: float) -> float:
