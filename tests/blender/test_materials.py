@@ -1,0 +1,182 @@
+"""What materials and worlds become, against values known by heart."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import bpy
+import numpy as np
+import pytest
+from radiosity.radiosity_addon.export import export_scene
+from radiosity.radiosity_addon.images import srgb_to_linear
+from radiosity.radiosity_addon.world import read_world
+from radiosity.solver import sky
+from radiosity.solver.errors import SceneError
+from radiosity.solver.geometry import Geometry
+from radiosity.solver.scene import Scene
+from radiosity.solver.settings import Settings
+
+
+def export(warnings: list[dict[str, Any]]) -> Scene:
+    return export_scene(bpy.context.scene, bpy.context.view_layer, Settings(), warnings).scene
+
+
+def unwrap_square(square: Any, scale: float = 1.0) -> None:
+    layer = square.data.uv_layers.new(name="Paint")
+    layer.uv.foreach_set("vector", np.array([v.co.xy for v in square.data.vertices], np.float32).ravel() * scale)
+
+
+def test_principled_gives_base_colour_and_emission_over_both_sides(build):
+    # Base colour (.2, .4, .6), emission (1, .5, .25) of strength 3. Exact answer: exitance pi x 3 x colour.
+    build.mesh("Lamp", material=build.material("Lamp", (0.2, 0.4, 0.6), Emission_Color=(1, 0.5, 0.25, 1),
+                                               Emission_Strength=3.0))
+    warnings: list[dict[str, Any]] = []
+    scene = export(warnings)
+    assert np.allclose(scene.reflectance, (0.2, 0.4, 0.6))
+    assert np.allclose(scene.emission, np.pi * 3 * np.array([1, 0.5, 0.25]))
+    assert warnings == []
+
+
+def test_each_face_has_its_own_material_and_a_slot_too_high_means_the_last(build):
+    # Three squares in one mesh, slots 0, 1 and 7 of two. Exact answer: red, green, green.
+    build.sun()
+    points = [(x + i, y, 0) for i in range(3) for x, y in ((0, 0), (1, 0), (1, 1), (0, 1))]
+    mesh = build.mesh("Strip", points, [(4 * i, 4 * i + 1, 4 * i + 2, 4 * i + 3) for i in range(3)])
+    for name, colour in (("Red", (0.5, 0, 0)), ("Green", (0, 0.5, 0))):
+        mesh.data.materials.append(build.material(name, colour))
+    mesh.data.polygons.foreach_set("material_index", [0, 1, 7])
+    assert export([]).reflectance.tolist() == [[0.5, 0, 0]] * 2 + [[0, 0.5, 0]] * 4
+
+
+def test_an_object_without_material_is_blenders_default_grey(build):
+    build.sun()
+    build.mesh("Plain")
+    mesh = build.mesh("Empty slot")
+    mesh.data.materials.append(None)
+    assert np.allclose(export([]).reflectance, 0.8)
+
+
+@pytest.mark.parametrize(("kind", "reflectance", "radiance"), [
+    ("ShaderNodeBsdfDiffuse", (0.3, 0.2, 0.1), (0, 0, 0)), ("ShaderNodeEmission", (0, 0, 0), (0.3, 0.2, 0.1))])
+def test_diffuse_and_emission_nodes_are_what_they_say(build, kind, reflectance, radiance):
+    build.sun()
+    material = build.material("Node", (1, 1, 1))
+    node = material.node_tree.nodes.new(kind)
+    node.inputs["Color"].default_value = (0.3, 0.2, 0.1, 1)
+    material.node_tree.links.new(node.outputs[0], material.node_tree.get_output_node("CYCLES").inputs["Surface"])
+    build.mesh("Square", material=material)
+    scene = export([])
+    assert np.allclose(scene.reflectance, reflectance)
+    assert np.allclose(scene.emission, np.pi * np.array(radiance))
+
+
+def test_an_image_reflects_as_linear_light_at_its_place(build):
+    # A square under an image of two halves, sRGB .5 and 1 (held to .999). Exact answer: .21404 at the left, .999 right.
+    build.sun()
+    pixels = np.ones((8, 8, 4))
+    pixels[:, :4, :3] = 0.5
+    square = build.mesh("Square", material=build.textured("Tiles", build.image("Halves", pixels)))
+    unwrap_square(square)
+    scene = export([])
+    geometry = Geometry(scene)
+    left, right = ([0.1, 0.5], [0.9, 0.5])
+    found = [geometry.reflectance(*hit(scene, x, y))[0, 0] for x, y in (left, right)]
+    # The byte image holds 128 / 255.
+    assert found == pytest.approx([float(srgb_to_linear(np.float32(128 / 255))), 0.999], abs=2e-3)
+
+
+def hit(scene: Scene, x: float, y: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Triangle and barycentric coordinates of the point (x, y) of a scene in the plane z = 0."""
+    corners = scene.vertices[scene.triangles][:, :, :2]
+    for index, (a, b, c) in enumerate(corners):
+        u, v = np.linalg.solve(np.column_stack([b - a, c - a]), np.array([x, y]) - a)
+        if u >= 0 and v >= 0 and u + v <= 1:
+            return np.array([index]), np.array([u], np.float32), np.array([v], np.float32)
+    raise AssertionError((x, y))
+
+
+def test_srgb_decoding_has_the_standards_values():
+    # IEC 61966-2-1: 0 -> 0, .04045 -> .0031308, .5 -> .2140411, 1 -> 1.
+    values = srgb_to_linear(np.array([0, 0.04045, 0.5, 1], np.float32))
+    assert values == pytest.approx([0, 0.0031308, 0.2140411, 1], abs=1e-6)
+
+
+def test_a_float_image_is_linear_already(build):
+    # A float image of .25 everywhere. Exact answer: reflectance .25.
+    build.sun()
+    square = build.mesh("Square", material=build.textured("Matt", build.image(
+        "Quarter", np.full((4, 4, 4), 0.25), is_float=True)))
+    unwrap_square(square)
+    scene = export([])
+    assert Geometry(scene).reflectance(*hit(scene, 0.3, 0.6)) == pytest.approx(0.25, abs=1e-4)
+
+
+def test_a_mapping_node_moves_the_image(build):
+    # Two halves, .2 left and .6 right, moved by half an image. Exact answer: .6 left.
+    build.sun()
+    pixels = np.full((8, 8, 4), 0.2)
+    pixels[:, 4:] = 0.6
+    material = build.textured("Moved", build.image("Halves", pixels, is_float=True))
+    tree = material.node_tree
+    image = next(node for node in tree.nodes if node.bl_idname == "ShaderNodeTexImage")
+    mapping, place = tree.nodes.new("ShaderNodeMapping"), tree.nodes.new("ShaderNodeTexCoord")
+    mapping.inputs["Location"].default_value = (0.5, 0, 0)
+    tree.links.new(place.outputs["UV"], mapping.inputs["Vector"])
+    tree.links.new(mapping.outputs["Vector"], image.inputs["Vector"])
+    unwrap_square(build.mesh("Square", material=material))
+    scene = export([])
+    assert Geometry(scene).reflectance(*hit(scene, 0.25, 0.5)) == pytest.approx(0.6, abs=1e-3)
+
+
+def test_a_missing_texture_names_material_image_and_path(build):
+    build.sun()
+    image = bpy.data.images.new("brick.png", 4, 4)
+    image.source, image.filepath = "FILE", "/nowhere/brick.png"
+    image.reload()
+    unwrap_square(build.mesh("Wall", material=build.textured("Brick", image)))
+    with pytest.raises(SceneError, match=r"material 'Brick': image 'brick.png' is missing at /nowhere/brick.png"):
+        export([])
+
+
+def test_reflectance_of_one_or_above_is_held_and_the_material_named(build):
+    build.sun()
+    build.mesh("Wall", material=build.material("Chalk", (1.0, 1.5, 0.5)))
+    warnings: list[dict[str, Any]] = []
+    scene = export(warnings)
+    assert np.allclose(scene.reflectance, (0.999, 0.999, 0.5))
+    assert [(entry["object"], entry["code"]) for entry in warnings] == [("Chalk", "reflectance")]
+
+
+def test_glass_is_left_out_and_said_so(build):
+    # A matt square and a pane of glass. Exact answer: the pane blocks nothing, its object has no triangle.
+    build.sun()
+    build.mesh("Floor", material=(0.5, 0.5, 0.5))
+    build.mesh("Pane", material=build.material("Glass", (0.9, 0.9, 0.9), Transmission_Weight=1.0))
+    warnings: list[dict[str, Any]] = []
+    scene = export(warnings)
+    assert [(surface.name, surface.count, surface.receives) for surface in scene.surfaces] == [
+        ("Floor", 2, True), ("Pane", 0, False)]
+    assert {entry["object"] for entry in warnings} == {"Glass", "Pane"}
+
+
+def test_a_plain_world_is_a_constant_sky(build):
+    world = build.world((0.1, 0.2, 0.4))
+    assert np.allclose(read_world(world, []).radiance, (0.1, 0.2, 0.4))
+
+
+def test_any_other_world_is_rendered_by_cycles_direction_by_direction(build):
+    # A world whose colour is (direction + 1) / 2. Exact answer: that, in every direction, to a pixel's width.
+    world = build.world((0, 0, 0))
+    tree = world.node_tree
+    background = next(node for node in tree.nodes if node.bl_idname == "ShaderNodeBackground")
+    place, scaled = tree.nodes.new("ShaderNodeTexCoord"), tree.nodes.new("ShaderNodeVectorMath")
+    scaled.operation = "MULTIPLY_ADD"
+    scaled.inputs[1].default_value = scaled.inputs[2].default_value = (0.5, 0.5, 0.5)
+    tree.links.new(place.outputs["Generated"], scaled.inputs[0])
+    tree.links.new(scaled.outputs[0], background.inputs["Color"])
+    before = len(bpy.data.scenes), len(bpy.data.images), len(bpy.data.worlds), len(bpy.data.cameras)
+    found = read_world(world, [])
+    directions = np.random.default_rng(0).normal(size=(2000, 3))
+    directions = (directions / np.linalg.norm(directions, axis=1, keepdims=True)).astype(np.float32)
+    assert np.abs(sky.radiance(found, directions) - (directions + 1) / 2).max() < 2 * np.pi / 1024
+    assert (len(bpy.data.scenes), len(bpy.data.images), len(bpy.data.worlds), len(bpy.data.cameras)) == before
