@@ -8,7 +8,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from .errors import NothingToBake, SettingsError, UnwrapError
+from .atlas import unwrap
+from .errors import NothingToBake, SettingsError
 from .receivers import Page
 from .scene import Scene
 from .settings import DEFAULT_PAGE, MAX_RESOLUTION, Settings
@@ -71,7 +72,14 @@ def make_layout(scene: Scene, settings: Settings, warnings: Warnings, progress: 
             for index in group:
                 uv[index] = scene.surfaces[index].lightmap_uv
     if rest:
-        raise UnwrapError("unwrapping is not there yet: give the objects a lightmap UV")
+        atlas = unwrap(scene, settings, rest, flat_triangles(scene), progress)
+        for index, page, layout in zip(rest, atlas.page, atlas.uv, strict=True):
+            uv[index] = layout
+            page_of_surface[index] = page + len(sides) if page >= 0 else -1
+            if page < 0:
+                warnings.append({"object": scene.surfaces[index].name, "code": "zero_area",
+                                 "message": "no triangle has an area: it gets no lumels"})
+        sides += atlas.sides
     return Layout(_named(scene, settings, sides, page_of_surface), page_of_surface, tuple(uv))
 
 

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from .components import components, shared_edges
 from .errors import NothingToBake
 from .layout import Layout, flat_triangles, make_layout
+from .pieces import weld
 from .raster import Coverage, holds_centre, rasterise, to_texels
 from .receivers import Lumels, Receivers
 from .scene import Scene
@@ -151,11 +152,11 @@ def _place(scene: Scene, triangle: Int, weight: Float) -> tuple[Float, Float]:
 
 
 def _charts(scene: Scene, layout: Layout) -> NDArray[np.int32]:
-    """(t,) int32 connected piece of the layout: joined are triangles of one object through an edge whose ends are the
-    same vertices with the same coordinates.
+    """(t,) int32 connected piece of the layout: joined are triangles of one object through an edge whose ends are at
+    the same places with the same coordinates.
     """
     steps = int(1 / UV_WELD)
-    corner = scene.triangles.astype(np.int64)
+    corner = weld(scene.vertices)[scene.triangles]
     key = corner * (steps * steps)
     surface = surface_of_triangle(scene)
     for item, uv in zip(scene.surfaces, layout.uv, strict=True):

@@ -1,0 +1,135 @@
+"""Charts: flattened pieces of a mesh in metres, before they get a place on a page."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .components import components, shared_edges
+
+Float = NDArray[np.floating[Any]]
+Int = NDArray[np.integer[Any]]
+
+# A chart that fills less of its box than this is cut ...
+POOR_FILL = 0.5
+# ... if its empty part matters, as a part of the area of all charts ...
+WASTE = 1e-4
+# ... and if the parts' boxes together are smaller by this factor at least.
+GAIN = 0.8
+# Halvings of one chart at most: a frame of four bars needs three.
+CUTS = 4
+
+
+@dataclass(frozen=True, eq=False)
+class Charts:
+    """Flattened triangles.
+
+    Parameters
+    ----------
+    uv : (t, 3, 2) float64, metres, each chart in a frame of its own.
+    chart : (t,) int64, chart 0 ... k - 1 of each triangle.
+    corner : (t, 3) int64 node of each corner; triangles of a chart hang together where they share two.
+    """
+
+    uv: Float
+    chart: Int
+    corner: Int
+
+    @property
+    def count(self) -> int:
+        """How many charts there are."""
+        return int(self.chart.max(initial=-1)) + 1
+
+    def take(self, index: Int) -> Charts:
+        """Some of the triangles, their charts numbered anew."""
+        chart = np.unique(self.chart[index], return_inverse=True)[1].reshape(-1)
+        return Charts(self.uv[index], chart, self.corner[index])
+
+    def boxes(self) -> tuple[Float, Float]:
+        """Lower corners and sides of the charts' boxes, (k, 2) float64 metres each."""
+        return boxes(self.uv, self.chart, self.count)
+
+
+def boxes(uv: Float, chart: Int, count: int) -> tuple[Float, Float]:
+    """Lower corners and sides of `count` charts' boxes, (k, 2) each; every chart has a triangle."""
+    order = np.argsort(chart, kind="stable")
+    start = np.searchsorted(chart[order], np.arange(count))
+    low = np.minimum.reduceat(uv.min(axis=1)[order], start)
+    high = np.maximum.reduceat(uv.max(axis=1)[order], start)
+    return low, high - low
+
+
+def uv_areas(uv: Float) -> Float:
+    """(t,) signed areas of triangles (t, 3, 2)."""
+    a, b = uv[:, 1] - uv[:, 0], uv[:, 2] - uv[:, 0]
+    return np.asarray((a[:, 0] * b[:, 1] - a[:, 1] * b[:, 0]) / 2)
+
+
+def cut_wasteful(charts: Charts) -> Charts:
+    """Cut charts that leave most of their box empty: rings, frames, L-shapes.
+
+    Each is halved at the middle of its box's longer side, and so are its parts, while they are poor; of all these
+    stages the first is kept whose boxes are nearly as small as the best, if that is a gain. (A window frame of 5.5 x
+    4 m holds .05 m2 of surface in a box of 22; its two halves still need 22, its four bars .06.)
+    """
+    area = np.abs(uv_areas(charts.uv))
+    limit = WASTE * area.sum()
+    _, side = charts.boxes()
+    whole = side.prod(axis=1)
+    filled = np.bincount(charts.chart, area, charts.count)
+    chosen = np.flatnonzero(((filled < POOR_FILL * whole) & (whole - filled > limit))[charts.chart])
+    if not len(chosen):
+        return charts
+    poor, area = charts.take(chosen), area[chosen]
+    owner = np.zeros(poor.count, np.int64)  # of each chart in `poor`, its number in `charts`
+    owner[poor.chart] = charts.chart[chosen]
+    stages, sizes = [poor.chart], [whole[owner]]
+    for _ in range(CUTS):
+        part = _halve(poor.uv, poor.corner, stages[-1], area, limit)
+        _, part_side = boxes(poor.uv, part, int(part.max()) + 1)
+        parent = np.zeros(len(part_side), np.int64)
+        parent[part] = poor.chart
+        stages.append(part)
+        sizes.append(np.bincount(parent, part_side.prod(axis=1), poor.count))
+    size = np.stack(sizes)
+    stage = (size <= np.maximum(size.min(axis=0) / GAIN, 0)).argmax(axis=0)
+    stage[size.min(axis=0) > GAIN * size[0]] = 0
+    part = np.stack(stages)[stage[poor.chart], np.arange(len(chosen))]
+    label = charts.chart.copy()
+    cut = stage[poor.chart] > 0
+    label[chosen[cut]] = charts.count + np.unique(np.stack([poor.chart, part]), axis=1, return_inverse=True)[1].ravel()[cut]
+    return Charts(charts.uv, np.unique(label, return_inverse=True)[1].reshape(-1), charts.corner)
+
+
+def _halve(uv: Float, corner: Int, chart: Int, area: Float, limit: float) -> Int:
+    """Labels after cutting the poor charts in the better of two ways: at the middle of the longer side, or lying
+    triangles from standing ones (the bars of a frame may be two triangles each, as long as the frame).
+    """
+    count = int(chart.max()) + 1
+    low, side = boxes(uv, chart, count)
+    filled = np.bincount(chart, area, count)
+    box = side.prod(axis=1)
+    poor = ((filled < POOR_FILL * box) & (box - filled > limit))[chart]
+    axis = side.argmax(axis=1)[chart]
+    middle = uv.mean(axis=1)[np.arange(len(uv)), axis]
+    extent = np.ptp(uv, axis=1)
+    ways = []
+    for apart in (middle > (low + side / 2)[chart, axis], extent[:, 0] > extent[:, 1]):
+        part = _parts(corner, chart * 2 + (poor & apart))
+        _, part_side = boxes(uv, part, int(part.max()) + 1)
+        parent = np.zeros(len(part_side), np.int64)
+        parent[part] = chart
+        ways.append((part, np.bincount(parent, part_side.prod(axis=1), count)))
+    (halves, halves_size), (bars, bars_size) = ways
+    label = np.where((bars_size < halves_size)[chart], bars + int(halves.max()) + 1, halves)
+    return np.asarray(np.unique(label, return_inverse=True)[1]).reshape(-1)
+
+
+def _parts(corner: Int, label: Int) -> Int:
+    """Connected pieces of triangles that also have the same label."""
+    first, second, _, _ = shared_edges(corner)
+    same = label[first] == label[second]
+    return components(len(corner), first[same], second[same])

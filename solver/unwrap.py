@@ -1,0 +1,139 @@
+"""Flatten triangles into charts: the only file that imports xatlas.
+
+1. Triangles are cut into pieces (`solver.pieces`) and every piece is flattened by itself.
+2. xatlas stretches each chart to whole texels of the page that it packs on the way; per chart the stretch is measured
+   against the mesh and undone, so that charts come out in metres.
+3. A triangle that xatlas lost becomes a chart of its own; charts that waste most of their box are cut.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .charts import Charts, cut_wasteful, uv_areas
+from .components import components, shared_edges
+from .pieces import pieces
+
+Float = NDArray[np.floating[Any]]
+Int = NDArray[np.integer[Any]]
+Progress = Callable[[float], None]
+
+# Triangles flattened in one call: long enough to be efficient, short enough to be cancelled (a second or two).
+BATCH = 50_000
+# The page on which xatlas packs charts while flattening is thrown away: small, so that it costs little.
+DRAFT_PAGE = 16
+# xatlas takes triangles for empty by absolute sizes (1.2e-7 area, 1e-4 length): each piece is scaled to this mean
+# length of its sides first.
+MEAN_SIDE = 10.0
+# A chart's measured stretch is believed if both its factors lie within this of the one that keeps the area.
+STRETCH_LIMIT = 100.0
+# A triangle whose area in its chart is below this part of its area in space was lost in flattening, and becomes a chart
+# of its own.
+LOST = 1e-3
+
+
+def flatten(positions: Float, node: Int, progress: Progress | None = None) -> Charts:
+    """Flatten triangles into charts with little distortion and no overlap.
+
+    Parameters
+    ----------
+    positions : (t, 3, 3), metres; every triangle has area.
+    node : (t, 3) int, corners that are joined have the same number; objects share none.
+    progress : told the fraction done; what it raises ends the work.
+    """
+    piece = pieces(positions, node)
+    order = np.argsort(piece, kind="stable")
+    ends = np.append(np.flatnonzero(np.diff(piece[order])), len(order) - 1) + 1
+    uv, corner = np.zeros((len(positions), 3, 2)), np.zeros((len(positions), 3), np.int64)
+    start = 0
+    while start < len(order):
+        stop = int(ends[min(np.searchsorted(ends, start + BATCH), len(ends) - 1)])
+        batch = order[start:stop]
+        uv[batch], corner[batch] = _flatten_batch(positions[batch], node[batch], piece[batch])
+        corner[batch] += 3 * start  # a batch makes three nodes a triangle at most
+        start = stop
+        if progress is not None:
+            progress(start / len(order))
+    first, second, _, _ = shared_edges(corner)
+    chart = components(len(positions), first, second)
+    return cut_wasteful(_rescue(positions, Charts(_unstretch(positions, uv, chart), chart, corner)))
+
+
+def _flatten_batch(positions: Float, node: Int, piece: Int) -> tuple[Float, Int]:
+    """UV on a page of no meaning, and the node of every corner in the flattened mesh; `piece` ascends."""
+    import xatlas
+
+    atlas = xatlas.Atlas()
+    bounds = np.concatenate([[0], np.flatnonzero(np.diff(piece)) + 1, [len(piece)]])
+    for first, last in zip(bounds[:-1], bounds[1:], strict=True):
+        corners = positions[first:last].reshape(-1, 3)
+        _, index, inverse = np.unique(node[first:last], return_index=True, return_inverse=True)
+        side = np.linalg.norm(positions[first:last, 1] - positions[first:last, 0], axis=1).mean()
+        vertices = (corners[index] - corners[index].mean(axis=0)) * (MEAN_SIDE / side)
+        atlas.add_mesh(vertices.astype(np.float32), inverse.reshape(-1, 3).astype(np.uint32))
+    options = xatlas.PackOptions()
+    options.resolution = DRAFT_PAGE
+    atlas.generate(pack_options=options)
+    uv, corner = np.empty((len(positions), 3, 2)), np.empty((len(positions), 3), np.int64)
+    size, offset = (atlas.width, atlas.height), 0
+    for number, (first, last) in enumerate(zip(bounds[:-1], bounds[1:], strict=True)):
+        mapping, index, coordinates = atlas.get_mesh(number)
+        uv[first:last] = coordinates[index].astype(np.float64) * size
+        corner[first:last] = index.astype(np.int64) + offset
+        offset += len(mapping)
+    return uv, corner
+
+
+def _unstretch(positions: Float, uv: Float, chart: Int) -> Float:
+    """Scale every chart along u and v so that its sides are as long as in space.
+
+    Least squares over the sides' squared lengths, `a du^2 + b dv^2 = length^2`, for a and b of each chart; where that
+    has no good solution (one triangle askew, a strongly curved chart) one factor for both keeps the area.
+    """
+    count = int(chart.max(initial=-1)) + 1
+    squares = (np.roll(uv, -1, axis=1) - uv) ** 2
+    length = ((np.roll(positions, -1, axis=1) - positions) ** 2).sum(axis=2)
+    total = lambda values: np.bincount(chart, values.sum(axis=1), count)  # noqa: E731
+    u, v = squares[:, :, 0], squares[:, :, 1]
+    uu, vv, ul, vl, uv_ = total(u * u), total(v * v), total(u * length), total(v * length), total(u * v)
+    space, flat = np.bincount(chart, _areas(positions), count), np.bincount(chart, np.abs(uv_areas(uv)), count)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        even = space / flat
+        determinant = uu * vv - uv_ * uv_
+        a, b = (ul * vv - vl * uv_) / determinant, (vl * uu - ul * uv_) / determinant
+        good = ((a > even / STRETCH_LIMIT) & (b > even / STRETCH_LIMIT)
+                & (a < even * STRETCH_LIMIT) & (b < even * STRETCH_LIMIT))
+        scale = np.sqrt(np.where(good[:, None], np.column_stack([a, b]), even[:, None]))
+        # Last, keep the area exactly.
+        scale *= np.sqrt(even / scale.prod(axis=1))[:, None]
+    return np.asarray(uv * np.nan_to_num(scale, posinf=0)[chart][:, None])
+
+
+def _rescue(positions: Float, charts: Charts) -> Charts:
+    """Give every triangle that was lost in flattening a chart of its own, in its true shape."""
+    lost = np.abs(uv_areas(charts.uv)) < LOST * _areas(positions)
+    if not lost.any():
+        return charts
+    a, b = positions[lost, 1] - positions[lost, 0], positions[lost, 2] - positions[lost, 0]
+    base = np.linalg.norm(a, axis=1)
+    along = (a * b).sum(axis=1) / base
+    uv = charts.uv.copy()
+    uv[lost] = 0
+    uv[lost, 1, 0] = base
+    uv[lost, 2] = np.column_stack([along, np.linalg.norm(np.cross(a, b), axis=1) / base])
+    chart = charts.chart.copy()
+    count = int(lost.sum())
+    chart[lost] = chart.max() + 1 + np.arange(count)
+    corner = charts.corner.copy()
+    corner[lost] = corner.max() + 1 + np.arange(3 * count).reshape(-1, 3)
+    return Charts(uv, np.unique(chart, return_inverse=True)[1].reshape(-1), corner)
+
+
+def _areas(positions: Float) -> Float:
+    normal = np.cross(positions[:, 1] - positions[:, 0], positions[:, 2] - positions[:, 0])
+    return np.asarray(np.linalg.norm(normal, axis=1) / 2)
+
