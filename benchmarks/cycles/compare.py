@@ -258,8 +258,8 @@ def print_row(row: Row) -> None:
     said = "" if row.estimated is None else f", says {row.estimated:.2%}{'' if row.reached else ' (not reached)'}"
     print(
         f"  {row.scene} {row.program} {row.knob}: {row.seconds:.1f} s ({row.cpu_seconds:.1f} CPU), rms {row.rms:.2%} "
-        f"({row.rms_low:.2%} to {row.rms_high:.2%}), p95 {row.p95:.2%} (noise alone {row.p95_noise:.2%}), bias {row.bias:+.2%} "
-        f"+- {row.bias_standard_error:.2%}, edge rms {row.edge_rms:.2%}{said}; "
+        f"({row.rms_low:.2%} to {row.rms_high:.2%}), p95 {row.p95:.2%} (noise alone {row.p95_noise:.2%}), "
+        f"bias {row.bias:+.2%} +- {row.bias_standard_error:.2%}, edge rms {row.edge_rms:.2%}{said}; "
         f"{row.lumels} lumels, {row.trimmed} left out (with them {row.rms_untrimmed:.2%}), "
         f"references' noise {row.noise:.2%}{'' if row.clean else ': TOO NOISY for this error'}",
         flush=True,
