@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from .charts import Charts
 from .errors import UnwrapError
 from .packing import Packer, largest_density
-from .pieces import weld
+from .pieces import lowest_first, originals, weld
 from .scene import Scene
 from .settings import DEFAULT_PAGE, MAX_RESOLUTION, Settings
 from .unwrap import flatten
@@ -74,6 +74,10 @@ def unwrap(scene: Scene, settings: Settings, objects: list[int], flat: NDArray[n
     owner = np.repeat(np.arange(len(objects)), [scene.surfaces[o].count for o in objects])
     node = weld(scene.vertices)[scene.triangles[triangle]] + owner[:, None] * len(scene.vertices)
     solid = ~flat[triangle]
+    # A second copy of a triangle receives the same light: it shares the lumels of the first.
+    original = originals(node)
+    copy = solid & (original != np.arange(len(node)))
+    solid &= ~copy
     uv = np.zeros((len(triangle), 3, 2), np.float32)
     page = np.full(len(objects), -1)
     if not solid.any():
@@ -91,7 +95,9 @@ def unwrap(scene: Scene, settings: Settings, objects: list[int], flat: NDArray[n
         uv[index[sheet.members]] = packed.uv / (sheet.width, height)
         page[np.unique(owner[index[sheet.members]])] = number
         sides.append((sheet.width, height))
-    _place_flat(uv, node, solid)
+    turn = lowest_first(node)
+    uv[np.flatnonzero(copy)[:, None], turn[copy]] = uv[original[copy][:, None], turn[original[copy]]]
+    _place_flat(uv, node, solid | copy)
     if progress is not None:
         progress(1.0)
     parts = np.split(uv, np.flatnonzero(np.diff(owner)) + 1)
@@ -118,7 +124,8 @@ def _sheets(charts: Charts, owner: Int, settings: Settings) -> list[_Sheet]:
         return [_sized(charts, members, density, square=not alone) for members in groups]
     if alone:
         groups = _alone(owner)
-        return [sheet for members in groups for sheet in _filled(charts, [members], settings.resolution or DEFAULT_PAGE)]
+        side = settings.resolution or DEFAULT_PAGE
+        return [sheet for members in groups for sheet in _filled(charts, [members], side)]
     groups = _balanced(charts, owner, settings.max_pages)
     if settings.resolution is not None:
         return _filled(charts, groups, settings.resolution)

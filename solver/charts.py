@@ -100,7 +100,8 @@ def cut_wasteful(charts: Charts) -> Charts:
     part = np.stack(stages)[stage[poor.chart], np.arange(len(chosen))]
     label = charts.chart.copy()
     cut = stage[poor.chart] > 0
-    label[chosen[cut]] = charts.count + np.unique(np.stack([poor.chart, part]), axis=1, return_inverse=True)[1].ravel()[cut]
+    pair = poor.chart * (int(part.max()) + 1) + part  # stages number their parts each in their own way
+    label[chosen[cut]] = charts.count + pair[cut]
     return Charts(charts.uv, np.unique(label, return_inverse=True)[1].reshape(-1), charts.corner)
 
 

@@ -10,9 +10,9 @@ from numpy.typing import NDArray
 from .components import components, shared_edges
 from .errors import NothingToBake
 from .layout import Layout, flat_triangles, make_layout
-from .pieces import weld
+from .pieces import originals, weld
 from .raster import Coverage, holds_centre, rasterise, to_texels
-from .receivers import Lumels, Receivers
+from .receivers import Lumels, Page, Receivers
 from .scene import Scene
 from .settings import Settings
 
@@ -50,15 +50,13 @@ def lumels(scene: Scene, settings: Settings, warnings: Warnings, progress: Any =
     layout = make_layout(scene, settings, warnings, progress)
     flat = flat_triangles(scene)
     corners, members = _by_page(scene, layout)
-    covers = []
-    for page, uv, triangles in zip(layout.pages, corners, members, strict=True):
-        solid = triangles[~flat[triangles]]
-        cover = rasterise(uv[~flat[triangles]], page.width, page.height)
-        covers.append(Coverage(np.where(cover.owner >= 0, solid[cover.owner], -1).astype(np.int32), cover.overlapped))
+    node = _nodes(scene, layout)
+    covers = [_cover(page, uv[~flat[triangles]], triangles[~flat[triangles]], node)
+              for page, uv, triangles in zip(layout.pages, corners, members, strict=True)]
     _warn(scene, layout, covers, corners, members, flat, warnings)
     if not any((cover.owner >= 0).any() for cover in covers):
         raise NothingToBake("no texel is covered by any object: give more resolution, or check the lightmap UVs")
-    return _assemble(scene, layout, covers, _charts(scene, layout))
+    return _assemble(scene, layout, covers, _charts(scene, node))
 
 
 def _by_page(scene: Scene, layout: Layout) -> tuple[list[Float], list[Int]]:
@@ -71,6 +69,19 @@ def _by_page(scene: Scene, layout: Layout) -> tuple[list[Float], list[Int]]:
         members.append(np.concatenate([np.arange(scene.surfaces[s].first,
                                                  scene.surfaces[s].first + scene.surfaces[s].count) for s in on_page]))
     return corners, members
+
+
+def _cover(page: Page, uv: Float, triangles: Int, node: Int) -> Coverage:
+    """The page's texels and the scene's triangles that own them. A second copy of a triangle that has the same place in
+    the layout receives the same light: the two overlap, and nothing is lost.
+    """
+    cover = rasterise(uv, page.width, page.height)
+    if len(cover.overlapped):
+        first = originals(node[triangles]) == np.arange(len(triangles))
+        if not first.all():
+            uv, triangles = uv[first], triangles[first]
+            cover = rasterise(uv, page.width, page.height)
+    return Coverage(np.where(cover.owner >= 0, triangles[cover.owner], -1).astype(np.int32), cover.overlapped)
 
 
 def surface_of_triangle(scene: Scene) -> NDArray[np.int32]:
@@ -151,22 +162,23 @@ def _place(scene: Scene, triangle: Int, weight: Float) -> tuple[Float, Float]:
     return position, np.where(usable, normal / np.where(usable, length, 1), geometric)
 
 
-def _charts(scene: Scene, layout: Layout) -> NDArray[np.int32]:
-    """(t,) int32 connected piece of the layout: joined are triangles of one object through an edge whose ends are at
-    the same places with the same coordinates.
-    """
+def _nodes(scene: Scene, layout: Layout) -> Int:
+    """(t, 3) int64: corners at the same place in space and in the layout have the same number."""
     steps = int(1 / UV_WELD)
-    corner = weld(scene.vertices)[scene.triangles]
-    key = corner * (steps * steps)
-    surface = surface_of_triangle(scene)
+    key = weld(scene.vertices)[scene.triangles] * (steps * steps)
     for item, uv in zip(scene.surfaces, layout.uv, strict=True):
         if uv is not None:
             grid = np.rint(uv.astype(np.float64) * steps).astype(np.int64) % steps
             key[item.triangles] += grid[:, :, 0] * steps + grid[:, :, 1]
-    node = np.unique(key, return_inverse=True)[1].reshape(-1, 3)
+    return np.asarray(np.unique(key, return_inverse=True)[1]).reshape(-1, 3)
+
+
+def _charts(scene: Scene, node: Int) -> NDArray[np.int32]:
+    """(t,) int32 connected piece of the layout: joined are triangles of one object that share an edge of it."""
+    surface = surface_of_triangle(scene)
     first, second, _, _ = shared_edges(node)
     same = surface[first] == surface[second]
-    return components(len(corner), first[same], second[same]).astype(np.int32)
+    return components(len(node), first[same], second[same]).astype(np.int32)
 
 
 def _warn(scene: Scene, layout: Layout, covers: list[Coverage], corners: list[Float], members: list[Int],
@@ -187,7 +199,7 @@ def _warn(scene: Scene, layout: Layout, covers: list[Coverage], corners: list[Fl
             continue
         tell = lambda code, message, name=item.name: warnings.append(  # noqa: E731
             {"object": name, "code": code, "message": message})
-        if doubled[index] > OVERLAP_TOLERANCE * lumel_count[index]:
+        if doubled[index] > max(1, OVERLAP_TOLERANCE * lumel_count[index]):
             tell("uv_overlap", f"{doubled[index]} of {lumel_count[index]} lumels are covered more than once by the "
                  "lightmap UV and show the light of one place only: unwrap without overlaps")
         outside = ((layout_uv < -OUTSIDE_TOLERANCE) | (layout_uv > 1 + OUTSIDE_TOLERANCE)).any(axis=(1, 2)).sum()

@@ -82,7 +82,7 @@ class Packer:
         """
         sides, whole = self.sizes(density)
         if whole[:, 0].max() > width:
-            raise UnwrapError(f"a chart of {whole[:, 0].max()} texels is wider than a page of {width}: lower the density")
+            raise UnwrapError(f"a chart of {whole[:, 0].max()} texels is wider than a page of {width}: lower density")
         corner, laid, height = skyline(whole + self.padding, width + self.padding)
         turned = self.turned ^ laid
         sides = np.where(laid[:, None], sides[:, ::-1], sides)
@@ -124,7 +124,7 @@ def largest_density(packers: list[Packer], side: int) -> float:
 
 
 def _bound(packers: list[Packer], side: int) -> float:
-    """A density above which no packing exists: the longest chart is too long, or the padded boxes have too much area."""
+    """A density above which no packing exists: the longest chart is too long, or the padded boxes' area too large."""
     room = [(side + packer.padding) ** 2 for packer in packers]
     if any(packer.padded_area(0) > most for packer, most in zip(packers, room, strict=True)):
         raise UnwrapError(_too_many(packers, side))
