@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from typing import Any
 
 import bpy
@@ -37,7 +38,8 @@ def read_texture(image: Any, material: str, warnings: Warnings) -> Texture:
     width, height = image.size
     channels = image.channels
     if not (width and height and channels):
-        where = bpy.path.abspath(image.filepath, library=image.library) or "an unknown place"
+        path = bpy.path.abspath(image.filepath, library=image.library)
+        where = os.path.normpath(path) if path else "an unknown place"
         raise SceneError(f"material {material!r}: image {image.name!r} is missing at {where}: "
                          "restore the file (File > External Data > Find Missing Files) or choose another image")
     values = np.empty(width * height * channels, np.float32)

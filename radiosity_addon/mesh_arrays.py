@@ -13,6 +13,8 @@ from ..solver.errors import SceneError
 Float = NDArray[np.floating[Any]]
 Int = NDArray[np.int32]
 
+# Blender turns an infinite coordinate into the largest float; areas of anything so far out can't be held, metres.
+FARTHEST = 1e12
 # A triangle whose height is below this part of its longest side can't be told from a line in float32.
 DEGENERATE_RATIO = 1e-7
 
@@ -65,11 +67,11 @@ def read_mesh(mesh: Any, name: str) -> MeshArrays:
     Raises
     ------
     SceneError
-        If a coordinate is not finite.
+        If a coordinate is not finite, or farther out than `FARTHEST`.
     """
     mesh.calc_loop_triangles()
     positions = read(mesh.vertices, "co", np.float32, 3).astype(np.float64)
-    bad = np.flatnonzero(~np.isfinite(positions).all(axis=1))
+    bad = np.flatnonzero(~(np.abs(positions) < FARTHEST).all(axis=1))
     if len(bad):
         where = ", ".join(f"{value:g}" for value in positions[bad[0]])
         raise SceneError(f"object {name!r}: vertex {bad[0]} is at ({where}), {len(bad)} such in all: "

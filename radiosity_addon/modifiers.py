@@ -21,10 +21,9 @@ def apply_modifiers(scene: Any, view_layer: Any, bindings: Sequence[Binding], wa
     meshes = cycles.with_render_depsgraph(scene, view_layer, lambda depsgraph: _evaluated(depsgraph, names))
     for name, mesh in meshes.items():
         item = bpy.data.objects[name]
-        mesh.name = item.data.name
         kinds = ", ".join(modifier.name for modifier in item.modifiers)
         item.modifiers.clear()
-        item.data = mesh
+        _replace_mesh(item, mesh)
         warn(warnings, name, "modifiers_applied",
              f"its modifiers ({kinds}) were applied, so that its mesh can hold the result "
              "(--no-apply-modifiers keeps them)")
@@ -35,3 +34,12 @@ def _evaluated(depsgraph: Any, names: dict[str, None]) -> dict[str, Any]:
     return {name: bpy.data.meshes.new_from_object(bpy.data.objects[name].evaluated_get(depsgraph),
                                                   preserve_all_data_layers=True, depsgraph=depsgraph)
             for name in names if name in bpy.data.objects}
+
+
+def _replace_mesh(item: Any, mesh: Any) -> None:
+    """Give an object another mesh, under the same name if no other object uses the old one."""
+    old, name = item.data, item.data.name
+    item.data = mesh
+    if old.users == 0:
+        bpy.data.meshes.remove(old)
+    mesh.name = name
