@@ -16,8 +16,9 @@ from .polygon import polygon_form_factor
 Float = NDArray[np.floating[Any]]
 
 # Corners of the polygon of equal area that stands for an ellipse in the closed form, between so many of its longer
-# radii. With 64 the outline strays by 1.2e-3 of the radius, inward and outward in turn, which only points within a tenth
-# of the radius of the rim can tell; 16 from four radii on are good to 1e-5 of the irradiance, 8 from 16 on to 2e-5.
+# radii. With 64 the outline strays by 1.2e-3 of the radius, inward and outward in turn, which only points within a
+# tenth of the radius of the rim can tell; 16 from four radii on are good to 1e-5 of the irradiance, and 8
+# from 16 on to 2e-5.
 ELLIPSE_CORNERS = ((0.0, 4.0, 64), (4.0, 16.0, 16), (16.0, np.inf, 8))
 # Half of the narrowest spread, radians: a beam (spread 0) is as wide as this, where float32 still tells its angles.
 NARROWEST_SPREAD = 1e-3

@@ -67,17 +67,19 @@ class Light(Protocol):
         ...
 
 
-def aimed(points: Float, normals: Float, target: Float, facing: Float, two_sided: bool) -> LightSample:
+def aimed(points: Float, normals: Float, target: Float, facing: Float,
+          two_sided: bool | NDArray[np.bool_]) -> LightSample:
     """Shadow rays to points of a flat source, weighted by cos cos' / distance^2.
 
-    points, normals, target : (n, 3) float32; facing : (n, 3) or (3,) float32 unit, where the source shines.
+    points, normals, target : (n, 3) float32; facing : (n, 3) or (3,) float32 unit, where the source shines;
+    two_sided : whether it shines backwards too, for all or for each (n,).
     """
     towards = target - points
     squared = np.maximum(dot(towards, towards), np.float32(NEAREST**2))
     distance = np.sqrt(squared)
     direction = towards / distance[:, None]
     leaving = -dot(direction, facing)
-    leaving = np.abs(leaving) if two_sided else np.maximum(leaving, 0)
+    leaving = np.where(two_sided, np.abs(leaving), np.maximum(leaving, 0))
     weight = np.maximum(dot(direction, normals), 0) * leaving / squared
     return LightSample(direction, distance, np.asarray(weight))
 

@@ -1,4 +1,8 @@
-"""Emissive triangles of meshes as lamps, in groups that are sampled together."""
+"""Emissive triangles that are sampled together as one lamp.
+
+A group has one chromaticity, lies close together, and knows whether it is the skin of a solid, whose inside no ray
+from outside need look for.
+"""
 
 from __future__ import annotations
 
@@ -9,18 +13,26 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from .errors import SceneError
+from .islands import Islands
 from .lamp_checks import put
 from .lights import LightSample, aimed
-from .polygon import polygons_form_factor
+from .polygon import Sides, polygons_form_factor
 
 Float = NDArray[np.floating[Any]]
+Int = NDArray[np.integer[Any]]
 
 # Triangles above which summing a closed form costs more than the shadow rays that it saves.
 CLOSED_FORM_TRIANGLES = 64
 # Keeps 0 / 0 away where nothing shines.
 TINY = float(np.finfo(np.float64).tiny)
-# Parts in a thousand to which two triangles' chromaticities must agree to share a group.
+# Difference of the parts of red, green and blue in two triangles' light, up to which they have one chromaticity.
 CHROMATICITY_STEP = 1e-3
+# Up to this many separate pieces of emissive surface, each is a lamp of its own; more are grouped by place alone.
+FEW_ISLANDS = 16
+# Above this many chromaticities, splitting by channel is thought of.
+MANY_COLOURS = 16
+# What the closed form sums with and without the backs of triangles.
+SIDES: dict[bool, Sides] = {True: "both", False: "front"}
 
 
 @dataclass(frozen=True, eq=False)
@@ -35,12 +47,16 @@ class MeshEmitter:
         has one chromaticity (see `group_emitters`).
     two_sided : shines from both sides, as Blender's emission does; else from the one its corners turn
         counter-clockwise on.
+    closed_box : (2, 3) lowest and highest corner, metres, of the closed surfaces that all of the triangles are of and
+        face out of: from outside of the box only their fronts can be seen, so no ray is sent to their backs. None where
+        nothing is known.
     """
 
     name: str
     corners: Float
     radiance: Float
     two_sided: bool = True
+    closed_box: Float | None = None
     _triangles: _Triangles = field(init=False, repr=False)
 
     def __post_init__(self) -> None:
@@ -53,8 +69,10 @@ class MeshEmitter:
         mixed = radiance - radiance.sum(axis=1, keepdims=True) * triangles.chromaticity
         mixed = mixed[np.abs(triangles.normal).any(axis=1)]  # a triangle without area has no say
         if np.abs(mixed).max(initial=0) > 2 * CHROMATICITY_STEP * radiance.sum(axis=1).max(initial=0):
-            raise SceneError(f"emitter {self.name!r} mixes colours: split it by chromaticity (group_emitters)")
+            raise SceneError(f"emitter {self.name!r} mixes colours: split it by chromaticity, as group_emitters does")
         put(self, corners=corners, radiance=radiance, _triangles=triangles)
+        if self.closed_box is not None:
+            put(self, closed_box=np.array(self.closed_box, np.float64).reshape(2, 3))
 
     @property
     def colour(self) -> Float:
@@ -72,8 +90,19 @@ class MeshEmitter:
         if not self.colour.any():
             return np.zeros((len(points), 3), np.float32)
         strength = self.radiance.sum(axis=1, keepdims=True) * np.pi
-        factor = polygons_form_factor(points, normals, self.corners, strength, "both" if self.two_sided else "front")
+        factor = np.zeros((len(points), 1), np.float32)
+        back = self._sees_backs(points)
+        for rows, sides in ((np.flatnonzero(back), SIDES[True]), (np.flatnonzero(~back), SIDES[False])):
+            if len(rows):
+                factor[rows] = polygons_form_factor(points[rows], normals[rows], self.corners, strength, sides)
         return np.asarray(factor * self._triangles.chromaticity, np.float32)
+
+    def _sees_backs(self, points: Float) -> NDArray[np.bool_]:
+        """(n,) whether the backs of the triangles light the points, as far as can be told without rays."""
+        if self.closed_box is None or not self.two_sided:
+            return np.full(len(points), self.two_sided)
+        low, high = self.closed_box.astype(np.float32)
+        return np.asarray(((points >= low) & (points <= high)).all(axis=1))
 
     def sample(self, points: Float, normals: Float, uv: Float) -> LightSample:
         """Points spread over the triangles by flux: the first number picks the triangle and is stretched again."""
@@ -81,11 +110,12 @@ class MeshEmitter:
         root = np.sqrt(u)[:, None]
         some = self._triangles
         target = some.corner[chosen] + some.first[chosen] * (1 - root) + some.second[chosen] * (root * uv[:, 1:])
-        return aimed(points, normals, target, some.normal[chosen], self.two_sided)
+        return aimed(points, normals, target, some.normal[chosen], self._sees_backs(points))
 
     def translated(self, offset: Float) -> MeshEmitter:
         """The same triangles, moved by (3,) metres."""
-        return MeshEmitter(self.name, self.corners + offset, self.radiance, self.two_sided)
+        box = None if self.closed_box is None else self.closed_box + offset
+        return MeshEmitter(self.name, self.corners + offset, self.radiance, self.two_sided, box)
 
 
 @dataclass(frozen=True, eq=False)
@@ -124,11 +154,11 @@ class _Triangles:
 def group_emitters(
     corners: Float, exitance: ArrayLike, name: str = "emission", most_triangles: int = CLOSED_FORM_TRIANGLES
 ) -> tuple[MeshEmitter, ...]:
-    """Emissive triangles as lamps: groups of one chromaticity, near one another in space.
+    """Emissive triangles as lamps.
 
     Parameters
     ----------
-    corners : (t, 3, 3) float64, metres.
+    corners : (t, 3, 3) float64, metres; triangles hang together where corners are equal to the last bit.
     exitance : (t, 3) W/m2 of each side (radiance times pi), as `Scene.emission`; dark triangles are left out.
     name : what the groups are called, with a number.
     most_triangles : of a group.
@@ -136,37 +166,51 @@ def group_emitters(
     Notes
     -----
     A ray's weight is one number, so the triangles of a group must share a chromaticity; their brightness may differ.
-    A textured mesh with a colour for each triangle would fall into as many groups: where splitting by channel gives
-    fewer (at most three for each place), it is split into red, green and blue lamps instead, which is exact too.
+    A textured mesh with a colour for each triangle would fall into as many groups: it is split into red, green and
+    blue lamps instead, which is exact too.
     """
     exitance = np.asarray(exitance, np.float64)
     lit = np.flatnonzero(exitance.any(axis=1))
-    corners, radiance = np.asarray(corners, np.float64)[lit], exitance[lit] / np.pi
     if not len(lit):
         return ()
-    chromaticity = np.round(radiance / radiance.sum(axis=1, keepdims=True) / CHROMATICITY_STEP)
-    _, kind = np.unique(chromaticity, axis=0, return_inverse=True)
-    kind = kind.reshape(-1)
-    by_kind = [np.flatnonzero(kind == value) for value in range(min(kind.max() + 1, len(lit)))]
-    parts = [(some, radiance) for rows in by_kind for some in _clusters(corners, rows, most_triangles)]
-    if len(by_kind) > 3:
-        by_channel = [(some, radiance * np.eye(3)[channel]) for channel in range(3)
-                      for some in _clusters(corners, np.flatnonzero(radiance[:, channel]), most_triangles)]
-        parts = min(parts, by_channel, key=len)
-    return tuple(MeshEmitter(f"{name}.{number}", corners[rows], colours[rows])
+    corners, radiance = np.asarray(corners, np.float64)[lit], exitance[lit] / np.pi
+    islands = Islands.of(corners)
+    corners = np.where(islands.inverted[:, None, None], corners[:, ::-1], corners)
+    parts = []
+    for rows, colours in _by_colour(radiance, most_triangles):
+        for island in _by_label(islands.label, rows) if len(islands.box) <= FEW_ISLANDS else [rows]:
+            parts += [(some, colours) for some in _clusters(corners, island, most_triangles)]
+    return tuple(MeshEmitter(f"{name}.{number}", corners[rows], colours[rows], closed_box=islands.box_around(rows))
                  for number, (rows, colours) in enumerate(parts))
 
 
-def _clusters(corners: Float, rows: NDArray[np.intp], most: int) -> list[NDArray[np.intp]]:
+def _by_colour(radiance: Float, most_triangles: int) -> list[tuple[Int, Float]]:
+    """Rows of one chromaticity each, with their radiance; or one channel each, where that makes fewer groups."""
+    parts = np.round(radiance / radiance.sum(axis=1, keepdims=True) / CHROMATICITY_STEP)
+    kind = np.unique(parts, axis=0, return_inverse=True)[1].reshape(-1)
+    kinds = int(kind.max()) + 1
+    if kinds > max(MANY_COLOURS, 3 * len(radiance) // most_triangles):
+        return [(np.flatnonzero(radiance[:, channel]), radiance * np.eye(3)[channel]) for channel in range(3)
+                if radiance[:, channel].any()]
+    return [(rows, radiance) for rows in _by_label(kind, np.arange(len(radiance)))]
+
+
+def _by_label(label: Int, rows: Int) -> list[Int]:
+    """The rows, one array a label."""
+    order = rows[np.argsort(label[rows], kind="stable")]
+    return np.split(order, np.flatnonzero(np.diff(label[order])) + 1)
+
+
+def _clusters(corners: Float, rows: Int, most: int) -> list[Int]:
     """Rows in boxes of at most `most` triangles: halved at the median along the longest side."""
     centre = corners.mean(axis=1)
     waiting, done = [rows], []
     while waiting:
         some = waiting.pop()
         if len(some) <= most:
-            done.append(some)
+            done.append(np.sort(some))
             continue
         longest = int(np.argmax(np.ptp(centre[some], axis=0)))
         order = some[np.argsort(centre[some, longest], kind="stable")]
         waiting += [order[len(order) // 2:], order[:len(order) // 2]]
-    return [np.sort(some) for some in done if len(some)]
+    return done
