@@ -21,19 +21,22 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .audit import Auditor, error_bar
+from .bright import BrightCells
 from .cells import Cells
 from .direct import DirectLight
 from .energy import energy_balance
 from .errors import NothingToBake
+
 #from .finish import to_images
 from .footprints import ReceiverFootprints
 from .gather import Gather
 from .geometry import Geometry
+from .importance import look_around
 from .lumels import lumels as lay_out
 from .neighbours import neighbours
 from .parallel import Run
 from .patches import Patches
-from .plan import look_around, plan
+from .plan import plan
 from .probes import probes, triangle_middles
 from .quantities import encode
 from .receivers import Receivers
@@ -42,6 +45,7 @@ from .scene import Scene
 from .settings import Settings
 from .sources import light_sources
 from .transport import Transport
+
 #from .vertices import corner_receivers
 
 Float = NDArray[np.floating[Any]]
@@ -50,6 +54,10 @@ Progress = Callable[[str, float], None]
 # Rays of a receiver in the pilot that finds the first patches, and in all.
 PILOT_RAYS = 16
 PILOT_TOTAL = 2**18
+# Times that patches are split by what the solution does inside them, and how much a patch may add to the error over
+# its fair part of what is wanted.
+MOST_REFINEMENTS = 6
+REFINE_SHARE = 3.0
 # The audit's random numbers start here, so that it shares none with the bake.
 AUDIT_SEED = 0x5EED
 # Receivers whose direct light says how bright the scene is.
@@ -79,19 +87,37 @@ class _Work:
         """Cells, patches, rows, solved, for what these receivers can see."""
         seed = self.settings.seed
         with self.stages("patches"):
-            self.plan = plan(self.settings.error, look_around(self.geometry, places, seed))
+            looks = look_around(self.geometry, places, seed, self.run)
+            self.plan = plan(self.settings.error, looks.distance)
+            corners = self.geometry.corners.reshape(-1, 3)
+            patches = Patches(corners.min(axis=0), corners.max(axis=0), self.plan.smallest_patch)
+            patches.grow(looks.points, looks.normals, looks.weight, float(looks.weight.sum()) / self.plan.patches)
             cells = Cells(self.geometry, self.plan.cell_size)
-            low, high = receivers.position.min(axis=0), receivers.position.max(axis=0)
-            patches = Patches(self.plan.patch_size, low, high)
             transport = Transport(self.geometry, self.direct, self.sampled_emitter, cells, patches, seed, self.run)
             step = max(1, len(places) * PILOT_RAYS // PILOT_TOTAL)
-            Gather(transport, PILOT_RAYS, seed + 1).meet(places, np.arange(0, len(places), step), self.run)
+            self.seen = Gather(transport, PILOT_RAYS, seed + 1).meet(places, np.arange(0, len(places), step), self.run)
         with self.stages("form factors"):
             transport.discover(self.plan.row_rays)
         with self.stages("solve"):
             self.linear = transport.solve()
-            refuse_singular(self.linear, self.scene)
+        for _ in range(MOST_REFINEMENTS):
+            with self.stages("refine"):
+                if not transport.refine(*self._refinement(transport)):
+                    break
+                transport.discover(self.plan.row_rays)
+            with self.stages("solve"):
+                self.linear = transport.solve()
+        refuse_singular(self.linear, self.scene)
         return transport
+
+    def _refinement(self, transport: Transport) -> tuple[float, Float]:
+        """How far a patch's eighths may differ, and what such a difference matters: its share of what rays meet."""
+        patch = transport.cell_patch[self.seen[self.seen >= 0]]
+        share = np.bincount(patch, minlength=len(transport.patches)) / max(len(self.seen), 1)
+        level = float(transport.leaving().mean(axis=1)[self.seen].mean())
+        reflectance = np.bincount(transport.cell_patch, transport.cell_reflectance.mean(axis=1), len(transport.patches))
+        reflectance /= np.maximum(np.bincount(transport.cell_patch, minlength=len(transport.patches)), 1)
+        return REFINE_SHARE * self.settings.error * level / np.sqrt(max(self.plan.patches, 1)), np.sqrt(share) * reflectance
 
     def light(self, receivers: Receivers, near: NDArray[np.int32] | None = None) -> tuple[Float, Float]:
         """Direct (with the sky's and gathered emitters') and indirect irradiance of receivers: (n, 3) each, W/m2."""
@@ -99,7 +125,9 @@ class _Work:
         places = ReceiverFootprints(self.geometry, receivers, self.settings.footprint, seed)
         self.transported = self.transport(receivers, places)
         with self.stages("gather"):
-            first, bounced = Gather(self.transported, self.plan.gather_rays, seed).light(places, self.run)
+            bright = BrightCells(self.transported, self.seen)
+            gather = Gather(self.transported, self.plan.gather_rays, seed, bright, self.plan.bright_rays)
+            first, bounced = gather.light(places, self.run)
         with self.stages("direct"):
             sample = receivers.take(np.linspace(0, len(receivers) - 1, min(len(receivers), LEVEL_SAMPLE)).astype(int))
             few = ReceiverFootprints(self.geometry, sample, self.settings.footprint, seed)

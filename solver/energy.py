@@ -53,7 +53,7 @@ def energy_balance(transport: Transport) -> EnergyBalance:
     sky = np.zeros(count)
     free = np.zeros(count)
     for rows in transport.rows:
-        sky[rows.patch] = rows.sky.mean(axis=1) * size[rows.patch]
+        sky[rows.patch] = rows.mean_sky().mean(axis=1) * size[rows.patch]
         free[rows.patch] = (rows.hits == NOTHING).mean(axis=1)
     part = [float(values[solved].sum()) for values in (emission + landed + sky, absorbed, leaving * free)]
     return EnergyBalance(*part)

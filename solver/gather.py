@@ -2,21 +2,27 @@
 
     E_indirect = mean over cosine-distributed rays of  rho(hit) (E_direct(hit) + H_patch(hit)) + emission(hit)
 
-Rays that meet something nearer than a patch is wide would see the patch's mean where its detail matters (contact
-shadows): they go one bounce further before they ask a patch.
+Where we leave the textbook:
+1. Rays that meet something nearer than its patch is wide would see the patch's mean where its detail matters
+   (contact shadows): they go one bounce further before they ask a patch.
+2. Rays are aimed at small bright places too (`bright.py`).
 """
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from .footprints import Footprints
+from .bright import BrightCells
+from .cells import NOTHING
+from .footprints import CellFootprints, Footprints
 from .parallel import Run, slices
 from .sampling import cosine_directions, kronecker, shifted, shifts
 from .transport import Transport
+from .visibility import SHORTEN, Hits
 
 Float = NDArray[np.floating[Any]]
 Int = NDArray[np.integer[Any]]
@@ -24,10 +30,25 @@ Int = NDArray[np.integer[Any]]
 CHUNK_RAYS = 2**17
 # Rays between two looks at what cells are new.
 PASS_RAYS = 2**22
-# Hits nearer than this many patch sizes go one bounce further.
+# Hits nearer than this many edges of the patch's box go one bounce further.
 NEAR_PATCHES = 1.0
 # Rays of a patch that was met only now.
 LATE_RAYS = 64
+
+
+@dataclass
+class _Rays:
+    """The rays of a run of footprints, while they are followed (all (n * rays,) but where said)."""
+
+    rows: Int  # (n,) footprints
+    hits: Hits
+    sides: NDArray[np.int64]
+    sky: Float  # (n, 3) mean irradiance
+    cosine: Float | None  # at the receiver
+    spread: Float | None  # distance^2 / cosine at the hit: turns a density per area into one per angle
+    near: Int | None = None
+    next_sides: NDArray[np.int64] | None = None
+    next_sky: Float | None = None
 
 
 class Gather:
@@ -37,70 +58,134 @@ class Gather:
     ----------
     transport : cells, patches, rows, solved.
     rays : of each footprint.
+    bright, bright_rays : where to aim that many more rays; None for nowhere.
     seed : of the shifts.
     """
 
-    def __init__(self, transport: Transport, rays: int, seed: int) -> None:
+    def __init__(self, transport: Transport, rays: int, seed: int, bright: BrightCells | None = None,
+                 bright_rays: int = 0) -> None:
         self.transport, self.count, self.seed = transport, rays, seed
+        self.bright = bright if bright is not None and len(bright) and bright_rays else None
+        self.bright_count = bright_rays if self.bright else 0
         # Direction (0, 1), footprint (2, 3), direction of the second bounce (4, 5).
         self._points = kronecker(rays, 6)
-        self._near = np.float32(NEAR_PATCHES * transport.patches.size)
+        # Cell (0), place in it (1, 2), footprint (3, 4).
+        self._aims = kronecker(self.bright_count, 5)
+
+    def meet(self, places: Footprints, rows: Int, run: Run) -> NDArray[np.int32]:
+        """Let the rays of some footprints find cells; return the cells' rows, NOTHING for the sky."""
+        pieces = self._map(run, lambda part: self._trace(places, part).sides, rows)
+        sides = np.concatenate(pieces)
+        self.transport.meet(sides)
+        return self.transport.cells.rows(sides)
 
     def light(self, places: Footprints, run: Run) -> tuple[Float, Float]:
         """Irradiance from sky and gathered emitters, and from light that surfaces reflect: (n, 3) float32, W/m2."""
         first, bounced = [], []
-        passes = slices(len(places), max(1, PASS_RAYS // self.count))
+        passes = slices(len(places), max(1, PASS_RAYS // (self.count + self.bright_count)))
         for number, part in enumerate(passes):
-            rows = np.arange(part.start, part.stop)
-            pieces = run.map(lambda piece, rows=rows: self._trace(places, rows[piece]),  # type: ignore[misc]
-                             slices(len(rows), max(1, CHUNK_RAYS // self.count)))
-            self.transport.meet(np.concatenate([side for piece in pieces for side in (piece[0], piece[3])]))
-            self.transport.late(LATE_RAYS)
+            pieces = self._map(run, lambda rows: self._trace(places, rows), np.arange(part.start, part.stop))
+            self._meet([piece.sides for piece in pieces])
+            run.map(self._second_bounce, pieces)
+            self._meet([piece.next_sides for piece in pieces if piece.next_sides is not None])
             self.transport.leaving()
-            results = run.map(self._collect, pieces)
-            first += [piece[1] + result[0] for piece, result in zip(pieces, results, strict=True)]
-            bounced += [result[1] for result in results]
+            for emitted, reflected in run.map(lambda rays: self._collect(places, rays, run), pieces):
+                first.append(emitted)
+                bounced.append(reflected)
             run.report((number + 1) / len(passes))
         return np.concatenate(first), np.concatenate(bounced)
 
-    def meet(self, places: Footprints, rows: Int, run: Run) -> None:
-        """Let the rays of some footprints find cells, without asking for light."""
-        pieces = run.map(lambda piece: self._trace(places, rows[piece]),
-                         slices(len(rows), max(1, CHUNK_RAYS // self.count)))
-        self.transport.meet(np.concatenate([side for piece in pieces for side in (piece[0], piece[3])]))
+    def _map(self, run: Run, work: Any, rows: Int) -> list[Any]:
+        return run.map(lambda part: work(rows[part]),
+                       slices(len(rows), max(1, CHUNK_RAYS // (self.count + self.bright_count))))
 
-    def _trace(self, places: Footprints, rows: Int) -> tuple[Any, ...]:
-        """Sides met (n * rays), the sky's irradiance (n, 3), and the second bounces: which rays, sides, sky."""
+    def _meet(self, sides: list[NDArray[np.int64]]) -> None:
+        self.transport.meet(np.concatenate(sides))
+        self.transport.late(LATE_RAYS)
+
+    def _trace(self, places: Footprints, rows: Int) -> _Rays:
         transport = self.transport
-        move = shifts(places.identity[rows], 6, self.seed)
-        points = [shifted(self._points[:, axis], move[:, axis]).reshape(-1) for axis in range(6)]
-        origins, normals = places.sample(np.repeat(rows, self.count), points[2], points[3])
-        directions = cosine_directions(normals, points[0][:, None], points[1][:, None])[:, 0]
+        move = shifts(places.identity[rows], 4, self.seed)
+        u, v, x, y = (shifted(self._points[:, axis], move[:, axis]).reshape(-1) for axis in range(4))
+        origins, normals = places.sample(np.repeat(rows, self.count), x, y)
+        directions = cosine_directions(normals, u[:, None], v[:, None])[:, 0]
         hits, sides, sky = transport.trace(origins, directions)
-        near = np.flatnonzero((sides >= 0) & (hits.distance < self._near))
-        geometry = transport.geometry
-        triangle, front = hits.triangle[near], hits.front[near]
-        start = geometry.lifted(geometry.point(triangle, hits.u[near], hits.v[near]), triangle, front)
+        mean_sky = np.float32(np.pi) * sky.reshape(-1, self.count, 3).mean(axis=1)
+        cosine = spread = None
+        if self.bright:
+            cosine = np.sqrt(1 - u)
+            facing = np.abs(np.einsum("ij,ij->i", transport.geometry.normal[hits.triangle], directions))
+            spread = np.minimum(hits.distance, np.float32(1e15)) ** 2 / np.maximum(facing, np.float32(1e-6))
+        return _Rays(rows, hits, sides, mean_sky, cosine, spread)
+
+    def _second_bounce(self, rays: _Rays) -> None:
+        """Let near hits look further; their patches' means would hide what lies in the corner."""
+        transport, geometry = self.transport, self.transport.geometry
+        cell = transport.cells.rows(rays.sides)
+        size = np.append(transport.patches.size()[transport.cell_patch], np.float32(0))
+        near = np.flatnonzero(rays.hits.distance < np.float32(NEAR_PATCHES) * size[cell])
+        if not len(near):
+            return
+        triangle, front = rays.hits.triangle[near], rays.hits.front[near]
+        start = geometry.lifted(geometry.point(triangle, rays.hits.u[near], rays.hits.v[near]), triangle, front)
         normal = geometry.normal[triangle]
         normal = np.where(front[:, None], normal, -normal)
-        again = cosine_directions(normal, points[4][near, None], points[5][near, None])[:, 0]
-        _, next_sides, next_sky = transport.trace(start, again)
-        mean_sky = np.float32(np.pi) * sky.reshape(-1, self.count, 3).mean(axis=1)
-        return sides, mean_sky, near, next_sides, np.float32(np.pi) * next_sky
+        u, v = shifts(rays.rows[near // self.count] * np.int64(self.count) + near % self.count, 2, self.seed + 5).T
+        _, rays.next_sides, sky = transport.trace(start, cosine_directions(normal, u[:, None], v[:, None])[:, 0])
+        rays.near, rays.next_sky = near, np.float32(np.pi) * sky
 
-    def _collect(self, piece: tuple[Any, ...]) -> tuple[Float, Float]:
-        """Mean emission, and mean reflected radiosity, of what the rays met: (n, 3) each."""
-        sides, _, near, next_sides, next_sky = piece
+    def _collect(self, places: Footprints, rays: _Rays, run: Run) -> tuple[Float, Float]:
+        """Irradiance from sky and gathered emitters, and from reflected light: (n, 3) each."""
         transport = self.transport
         table, emission = transport.leaving(), transport.emission()
-        rows = transport.cells.rows(sides)
-        value = np.take(table, rows, axis=0)
-        if len(near):
-            cell = rows[near]
-            incoming = np.take(table, transport.cells.rows(next_sides), axis=0) + next_sky
-            value[near] = transport.cell_direct[cell] + transport.cell_reflectance[cell] * incoming
-        everything = value.reshape(-1, self.count, 3).mean(axis=1)
-        if emission is None:
-            return np.zeros_like(everything), everything
-        emitted = np.take(emission, rows, axis=0).reshape(-1, self.count, 3).mean(axis=1)
-        return emitted, everything - emitted
+        cell = transport.cells.rows(rays.sides)
+        value = np.take(table, cell, axis=0)
+        if rays.near is not None:
+            here = cell[rays.near]
+            incoming = np.take(table, transport.cells.rows(rays.next_sides), axis=0) + rays.next_sky
+            value[rays.near] = transport.cell_direct[here] + transport.cell_reflectance[here] * incoming
+        weight = None
+        if self.bright:
+            cosine = rays.cosine * np.float32(self.count / np.pi)
+            aimed = self.bright_count * self.bright.density_of(cell) * rays.spread
+            weight = (cosine / (cosine + aimed))[:, None]
+            value *= weight
+        total = value.reshape(-1, self.count, 3).mean(axis=1)
+        emitted = np.zeros_like(total)
+        if emission is not None:
+            seen = np.take(emission, cell, axis=0)
+            if weight is not None:
+                seen *= weight
+            emitted = seen.reshape(-1, self.count, 3).mean(axis=1)
+        if self.bright:
+            more, more_emitted = self._aim(places, rays.rows, table, emission, run)
+            total, emitted = total + more, emitted + more_emitted
+        return rays.sky + emitted, total - emitted
+
+    def _aim(self, places: Footprints, rows: Int, table: Float, emission: Float | None, run: Run) -> tuple[Float, Float]:
+        """What rays aimed at bright cells bring, all of it and its emitted part: (n, 3) each."""
+        transport, bright = self.transport, self.bright
+        assert bright is not None
+        move = shifts(places.identity[rows], 5, self.seed + 13)
+        pick, a, b, x, y = (shifted(self._aims[:, axis], move[:, axis]).reshape(-1) for axis in range(5))
+        origins, normals = places.sample(np.repeat(rows, self.bright_count), x, y)
+        cell = bright.draw(pick)
+        targets, facing = CellFootprints(transport.cells, transport.cells.side[cell]).sample(np.arange(len(cell)), a, b)
+        towards = targets - origins
+        squared = np.einsum("ij,ij->i", towards, towards)
+        distance = np.sqrt(np.maximum(squared, np.float32(1e-20)))
+        towards /= distance[:, None]
+        cosine = np.einsum("ij,ij->i", towards, normals)
+        other = -np.einsum("ij,ij->i", towards, facing)
+        lit = np.flatnonzero((cosine > 0) & (other > 0))
+        free = ~transport.geometry.visibility.occluded(origins[lit], towards[lit], distance[lit] * np.float32(1 - SHORTEN))
+        run.count(len(lit))
+        lit = lit[free]
+        density = bright.density_of(cell[lit]) * squared[lit] / other[lit]
+        weight = np.zeros(len(cell), np.float32)
+        weight[lit] = cosine[lit] / np.pi / (self.count * cosine[lit] / np.pi + self.bright_count * density)
+
+        def brought(source: Float) -> Float:
+            return np.asarray((np.take(source, cell, axis=0) * weight[:, None]).reshape(-1, self.bright_count, 3).sum(axis=1))
+
+        return brought(table), np.zeros((len(rows), 3), np.float32) if emission is None else brought(emission)

@@ -7,9 +7,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from .mesh_emitter import group_emitters
 from .geometry import Geometry
 from .lights import Light
+from .mesh_emitter import group_emitters
 
 Float = NDArray[np.floating[Any]]
 

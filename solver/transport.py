@@ -30,6 +30,8 @@ CHUNK_RAYS = 2**17
 CELL_SAMPLES = 4
 # Lamps that give less than this part of the unoccluded light at a cell are drawn with a probability.
 CELL_SMALL_SHARE = 0.1
+# A patch is only split where its eighths differ this many times as much (in variance) as noise would make them.
+NOISE_LEVEL = 5.0
 # Generations of patches that see patches that see ... before what is newly met is left to an average.
 MOST_WAVES = 8
 
@@ -40,12 +42,24 @@ class Rows:
 
     patch : (p,) int32.
     hits : (p, rays) int32 rows of `cells`, NOTHING for the sky: F_ij is the part of row i that hits cells of j.
-    sky : (p, 3) float32, irradiance from the sky, W/m2.
+    part : (p, rays) uint8, the eighth of the patch's box that each ray starts in.
+    sky : (p, rays, 3) float32, irradiance from the sky that each ray stands for, W/m2; None for a black sky.
     """
 
     patch: NDArray[np.int32]
     hits: NDArray[np.int32]
-    sky: Float
+    part: NDArray[np.uint8]
+    sky: Float | None
+
+    def take(self, index: NDArray[Any]) -> Rows:
+        """Some of the rows."""
+        return Rows(self.patch[index], self.hits[index], self.part[index], None if self.sky is None else self.sky[index])
+
+    def mean_sky(self) -> Float:
+        """(p, 3) W/m2."""
+        if self.sky is None:
+            return np.zeros((len(self.patch), 3), np.float32)
+        return np.asarray(self.sky.mean(axis=1))
 
 
 class Transport:
@@ -87,10 +101,16 @@ class Transport:
         self.cell_emission = np.concatenate([self.cell_emission, emission])
         self.cell_reflectance = np.concatenate([self.cell_reflectance, reflectance])
         self.cell_direct = np.concatenate([self.cell_direct, reflectance * incident + emission])
-        self.cell_patch = np.concatenate([self.cell_patch, self.patches.of(self.cells, fresh)])
+        self.cell_patch = np.concatenate([self.cell_patch, self._patch_of(fresh)])
         more = len(self.patches) - len(self.irradiance)
         self.irradiance = np.concatenate([self.irradiance, np.full((more, 3), np.nan, np.float32)])
         self._leaving = None
+
+    def _patch_of(self, sides: NDArray[np.int64]) -> NDArray[np.int32]:
+        third = np.full(len(sides), 1 / 3, np.float32)
+        triangle, u, v, front = self.cells.places(sides, third, third)
+        normals = self.geometry.normal[triangle]
+        return self.patches.of(self.geometry.point(triangle, u, v), np.where(front[:, None], normals, -normals))
 
     def _materials(self, sides: NDArray[np.int64]) -> tuple[Float, Float]:
         """Mean reflectance and mean emission that is gathered (not sampled as a lamp) of each side."""
@@ -147,7 +167,8 @@ class Transport:
             sides = np.concatenate([piece[0] for piece in pieces])
             self.meet(sides.reshape(-1))
             hits = self.cells.rows(sides.reshape(-1)).reshape(sides.shape)
-            traced.append(Rows(these, hits, np.concatenate([piece[1] for piece in pieces])))
+            sky = None if self.geometry.scene.sky.is_black else np.concatenate([piece[1] for piece in pieces])
+            traced.append(Rows(these, hits, np.concatenate([piece[2] for piece in pieces]), sky))
         return traced
 
     def _members(self) -> tuple[Int, Float, Int]:
@@ -159,8 +180,8 @@ class Transport:
         return order, running, begins
 
     def _row_rays(self, patches: NDArray[np.int32], rays: int, order: Int, running: Float,
-                  begins: Int) -> tuple[NDArray[np.int64], Float]:
-        """Sides that the rays of some rows meet (p, rays), and the sky's irradiance (p, 3)."""
+                  begins: Int) -> tuple[NDArray[np.int64], Float, NDArray[np.uint8]]:
+        """Of some rows' rays (p, rays): sides met, the sky's irradiance (.., 3), the eighth of the box they start in."""
         low, high = running[begins[patches]], running[begins[patches + 1]]
         # A patch is known by its first member's side: the same points whatever its number.
         identity = self.cells.side[order[begins[patches]]]
@@ -176,19 +197,63 @@ class Transport:
         points3, normals = CellFootprints(self.cells, side).sample(index, x.reshape(-1), y)
         directions = cosine_directions(normals, height.reshape(-1, 1), azimuth.reshape(-1, 1))[:, 0]
         _, sides, sky = self.trace(points3, directions)
-        return sides.reshape(-1, rays), np.float32(np.pi) * sky.reshape(-1, rays, 3).mean(axis=1)
+        part = self.patches.part(points3, np.repeat(patches, rays))
+        return sides.reshape(-1, rays), np.float32(np.pi) * sky.reshape(-1, rays, 3), part.reshape(-1, rays)
 
     # --- solve ---------------------------------------------------------------------------------------------------
     def discover(self, rays: int) -> None:
-        """Trace the rows of all met patches, then of those that they met, and so on until none is new."""
-        done = 0
+        """Trace the rows of all patches that have none, then of those that they met, and so on until none is new."""
         for wave in range(MOST_WAVES):
-            known = len(self.patches)
-            if known == done:
+            wanted = np.zeros(len(self.patches), bool)
+            wanted[self.cell_patch] = True
+            for rows in self.rows:
+                wanted[rows.patch] = False
+            if not wanted.any():
                 break
-            self.rows += self.trace_rows(np.arange(done, known, dtype=np.int32), rays)
-            done = known
+            self.rows += self.trace_rows(np.flatnonzero(wanted).astype(np.int32), rays)
             self._run.report((wave + 1) / MOST_WAVES)
+
+    def refine(self, tolerance: float, weight: Float) -> int:
+        """Split the patches inside which the solution varies; return how many.
+
+        Parameters
+        ----------
+        tolerance : a patch is split where weight * (root mean square of its eighths' deviation) is above this.
+        weight : (p,) what a deviation of 1 W/m2 of a patch matters.
+        """
+        chosen = np.zeros(len(self.patches), bool)
+        table = self.leaving().mean(axis=1)
+        for rows in self.rows:
+            chosen[rows.patch] = self._deviation(rows, table) * weight[rows.patch] > tolerance
+        chosen &= self.patches.level < self.patches.depth
+        if chosen.any():
+            self.patches.split(np.flatnonzero(chosen))
+            moved = np.flatnonzero(chosen[self.cell_patch])
+            self.cell_patch[moved] = self._patch_of(self.cells.side[moved])
+            more = len(self.patches) - len(self.irradiance)
+            self.irradiance = np.concatenate([self.irradiance, np.full((more, 3), np.nan, np.float32)])
+            self.rows = [rows.take(~chosen[rows.patch]) for rows in self.rows]
+            self._leaving = None
+        return int(chosen.sum())
+
+    def _deviation(self, rows: Rows, table: Float) -> Float:
+        """(p,) RMS deviation of the irradiance between the eighths of each patch, its noise taken out, W/m2."""
+        value = table[rows.hits]
+        if rows.sky is not None:
+            value = value + rows.sky.mean(axis=2)
+        count = len(rows.patch)
+        group = (np.arange(count)[:, None] * 8 + rows.part).reshape(-1)
+        number = np.bincount(group, minlength=count * 8).reshape(-1, 8)
+        total = np.bincount(group, value.reshape(-1), count * 8).reshape(-1, 8)
+        squares = np.bincount(group, np.square(value, dtype=np.float64).reshape(-1), count * 8).reshape(-1, 8)
+        mean = total / np.maximum(number, 1)
+        inside = (squares - number * mean**2).sum(axis=1) / np.maximum(number.sum(axis=1) - (number > 0).sum(axis=1), 1)
+        overall = (total.sum(axis=1) / number.sum(axis=1))[:, None]
+        groups = np.maximum((number > 0).sum(axis=1) - 1, 1)
+        between = (number * (mean - overall) ** 2).sum(axis=1) / groups
+        # One-way analysis of variance: without a difference, `between` is `inside` times F(groups, rays) about 1.
+        excess = np.maximum(between - NOISE_LEVEL * inside, 0)
+        return np.asarray(np.sqrt(excess * groups / number.sum(axis=1)))
 
     def solve(self) -> LinearResult:
         """Solve H = q + F (rho H) on the patches that have a row; patches without one count as black until `late`."""
@@ -196,7 +261,7 @@ class Transport:
         source = np.zeros((count, 3), np.float32)
         table = np.concatenate([self.cell_direct, np.zeros((1, 3), np.float32)])
         for rows in self.rows:
-            source[rows.patch] = rows.sky + self._mean(table, rows.hits)
+            source[rows.patch] = rows.mean_sky() + self._mean(table, rows.hits)
 
         def apply(irradiance: Float) -> Float:
             out = np.zeros((count, 3), np.float32)
@@ -234,5 +299,5 @@ class Transport:
         for rows in traced:
             part = known[rows.hits].mean(axis=1, dtype=np.float32)[:, None]
             indirect = self._mean(reflected, rows.hits) / np.maximum(part, 1 / rows.hits.shape[1])
-            self.irradiance[rows.patch] = rows.sky + self._mean(direct, rows.hits) + indirect
+            self.irradiance[rows.patch] = rows.mean_sky() + self._mean(direct, rows.hits) + indirect
         self._leaving = None

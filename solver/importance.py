@@ -1,0 +1,67 @@
+"""Where the receivers look: a few paths from them, bounce by bounce, weighted by what they would bring back."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .footprints import Footprints
+from .geometry import Geometry
+from .parallel import Run
+from .sampling import cosine_directions, kronecker, shifted, shifts
+
+Float = NDArray[np.floating[Any]]
+
+# Paths in all, and bounces of each.
+PATHS = 2**16
+BOUNCES = 4
+
+
+@dataclass(frozen=True, eq=False)
+class Importance:
+    """Points that paths met: positions and facing normals (m, 3), weight (m,), and the first hits' median distance."""
+
+    points: Float
+    normals: Float
+    weight: Float
+    distance: float
+
+
+def look_around(geometry: Geometry, places: Footprints, seed: int, run: Run) -> Importance:
+    """Follow paths from all over the footprints."""
+    each = max(1, PATHS // len(places))
+    count = min(len(places), PATHS)
+    rows = np.repeat(np.linspace(0, len(places) - 1, count).astype(np.int64), each)
+    set_of_points = kronecker(each, 4)
+    move = shifts(places.identity[rows[::each]], 4, seed + 3)
+    x, y, u, v = (shifted(set_of_points[:, axis], move[:, axis]).reshape(-1) for axis in range(4))
+    origins, normals = places.sample(rows, x, y)
+    weight = np.ones(len(rows), np.float32)
+    path = np.arange(len(rows))
+    found: list[tuple[Float, Float, Float]] = []
+    distance = 0.0
+    for bounce in range(BOUNCES):
+        hits = geometry.visibility.hits(origins, cosine_directions(normals, u[:, None], v[:, None])[:, 0])
+        run.count(len(origins))
+        met = np.flatnonzero(hits.triangle >= 0)
+        if not len(met):
+            break
+        if bounce == 0:
+            distance = float(np.median(hits.distance[met]))
+        triangle, front = hits.triangle[met], hits.front[met]
+        points = geometry.point(triangle, hits.u[met], hits.v[met])
+        normals = np.where(front[:, None], geometry.normal[triangle], -geometry.normal[triangle])
+        reflectance = geometry.reflectance(triangle, hits.u[met], hits.v[met]).mean(axis=1)
+        weight = weight[met] * reflectance
+        path = path[met]
+        found.append((points, normals, weight))
+        origins = geometry.lifted(points, triangle, front)
+        u, v = shifts(path, 2, seed + 11 * (bounce + 1)).T
+    if not found:
+        extent = float(np.linalg.norm(np.ptp(geometry.corners.reshape(-1, 3), axis=0)))
+        return Importance(np.zeros((0, 3), np.float32), np.zeros((0, 3), np.float32), np.zeros(0, np.float32), extent)
+    points, normals, weight = (np.concatenate(column) for column in zip(*found, strict=True))
+    return Importance(points, normals, weight, distance)
