@@ -11,8 +11,7 @@ import bpy
 import numpy as np
 from numpy.typing import NDArray
 
-from ..solver import image_file
-from ..solver.errors import OutputError
+from .exr_writer import has_attribute, write_exr
 
 Float = NDArray[np.floating[Any]]
 
@@ -35,17 +34,14 @@ def write_file(folder: Path, name: str, pixels: Float, header: dict[str, str | f
     while path in taken or (path.exists() and not is_our_file(path)):
         number += 1
         path = folder / f"{stem}_{number}.exr"
-    image_file.write_exr(path, pixels, {**header, MARK: 1.0})
+    write_exr(path, pixels, {**header, MARK: 1.0})
     taken.add(path)
     return path
 
 
 def is_our_file(path: Path) -> bool:
     """Whether we wrote an image file."""
-    try:
-        return MARK in image_file.read_layers(path)[1]
-    except OutputError:
-        return False
+    return has_attribute(path, MARK)
 
 
 def linked_image(name: str, path: Path, blend: str, *, pack: bool) -> Any:
@@ -61,7 +57,7 @@ def packed_image(name: str, pixels: Float) -> Any:
     """A Blender image that lives in the .blend alone."""
     with tempfile.TemporaryDirectory(prefix="radiosity-image-") as folder:
         path = Path(folder) / "lightmap.exr"
-        image_file.write_exr(path, pixels, {MARK: 1.0})
+        write_exr(path, pixels, {MARK: 1.0})
         image = _loaded(name, path)
         # Packs the file's own bytes, 32 bit floats; an image filled through `pixels` would be packed by way of 16.
         image.pack()

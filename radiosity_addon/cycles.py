@@ -15,7 +15,6 @@ import bpy
 import numpy as np
 from numpy.typing import NDArray
 
-from ..solver import image_file
 from ..solver.errors import SceneError
 from . import compat
 
@@ -48,7 +47,7 @@ def render_world(world: Any) -> Float:
             bpy.ops.render.render(write_still=True, scene=scene.name)
         if not path.is_file():
             raise SceneError(f"world {world.name!r} could not be rendered by Cycles: simplify its node tree")
-        return image_file.read_exr(path)
+        return _read(path)
 
 
 def with_render_depsgraph(scene: Any, view_layer: Any, use: Callable[[Any], Result]) -> Result:
@@ -118,6 +117,19 @@ def _world_scene(world: Any) -> Iterator[Any]:
         bpy.data.objects.remove(viewer)
         bpy.data.cameras.remove(camera)
         bpy.data.worlds.remove(copy)
+
+
+def _read(path: Path) -> Float:
+    """(h, w, 3) float32 of a rendered file, row 0 at the bottom."""
+    image = bpy.data.images.load(str(path), check_existing=False)
+    try:
+        image.colorspace_settings.name = "Linear Rec.709"
+        values = np.empty(len(image.pixels), np.float32)
+        image.pixels.foreach_get(values)
+        width, height = image.size
+        return np.ascontiguousarray(values.reshape(height, width, -1)[:, :, :3])
+    finally:
+        bpy.data.images.remove(image)
 
 
 def _set_up_render(scene: Any) -> None:
