@@ -18,7 +18,7 @@ from .warn import Warnings, warn
 Float = NDArray[np.floating[Any]]
 
 CODE = "lamp"
-# Cosine between a lamp's axes above which its matrix counts as sheared.
+# Cosine between the sides of an area lamp above which it counts as sheared.
 SHEAR = 1e-3
 
 
@@ -87,9 +87,10 @@ def _area(name: str, data: Any, matrix: Float, strength: Float, warnings: Warnin
     if area == 0:
         warn(warnings, name, CODE, "its area is 0: it is left out, give it a size that is not 0")
         return None
-    if _is_sheared(matrix):
-        warn(warnings, name, CODE, "its axes are not at right angles (a parent's scale shears it): it is baked as the "
-             "sheared shape with all of its power, which Cycles does not render; apply the parent's scale")
+    if not round_ and abs(axis_u @ axis_v) > SHEAR * area:
+        # Cycles' own sampling takes the sides for perpendicular; its ellipses are right.
+        warn(warnings, name, CODE, "its sides are not at right angles (a parent's scale shears it): it is baked as the "
+             "parallelogram with all of its power, which Cycles does not render; apply the parent's scale")
     # It shines along -z; the solver's lamp along u x v. A mirrored matrix has them the other way round.
     if np.cross(axis_u, axis_v) @ matrix[:3, 2] > 0:
         axis_u, axis_v = axis_v, axis_u
@@ -181,11 +182,6 @@ def _is_normalised(data: Any) -> bool:
 
 def _is_sphere(data: Any) -> bool:
     return not data.use_soft_falloff
-
-
-def _is_sheared(matrix: Float) -> bool:
-    unit = matrix[:3, :3] / np.linalg.norm(matrix[:3, :3], axis=0)
-    return bool(np.abs(unit.T @ unit - np.eye(3)).max() > SHEAR)
 
 
 def _cycles(data: Any, name: str) -> bool:

@@ -259,7 +259,7 @@ def test_moving_lamp_and_receiver_together_changes_nothing(light):
     uv = kronecker(len(points), 2)
     moved = light.translated(offset).sample(points + offset.astype(np.float32), normals, uv)
     weight = light.sample(points, normals, uv).weight
-    assert moved.weight == pytest.approx(weight, rel=1e-3, abs=2e-3 * weight.max())
+    assert moved.weight == pytest.approx(weight, rel=1e-3, abs=2e-3 * float(weight.max()))
 
 
 @pytest.mark.parametrize("light", [
