@@ -19,6 +19,8 @@ POOR_FILL = 0.5
 WASTE = 1e-4
 # ... and if the parts' boxes together are smaller by this factor at least.
 GAIN = 0.8
+# A chart that fills less of its box than this is turned to fill more, along one of so many of its longest edges.
+GOOD_FILL, EDGES_TRIED = 0.85, 8
 # Halvings of one chart at most: a frame of four bars needs three.
 CUTS = 4
 
@@ -66,6 +68,36 @@ def uv_areas(uv: Float) -> Float:
     """(t,) signed areas of triangles (t, 3, 2)."""
     a, b = uv[:, 1] - uv[:, 0], uv[:, 2] - uv[:, 0]
     return np.asarray((a[:, 0] * b[:, 1] - a[:, 1] * b[:, 0]) / 2)
+
+
+def straighten(charts: Charts) -> Charts:
+    """Turn charts that fill their box poorly so that the box gets smaller.
+
+    The smallest box has a side along the outline (Freeman & Shapira 1975); the longest edges of a chart are tried.
+    """
+    area = np.bincount(charts.chart, np.abs(uv_areas(charts.uv)), charts.count)
+    smallest = charts.boxes()[1].prod(axis=1)
+    chosen = np.flatnonzero((area < GOOD_FILL * smallest)[charts.chart])
+    if not len(chosen):
+        return charts
+    poor = charts.take(chosen)
+    edge = (np.roll(poor.uv, -1, axis=1) - poor.uv).reshape(-1, 2)
+    length = np.hypot(edge[:, 0], edge[:, 1])
+    order = np.lexsort((-length, np.repeat(poor.chart, 3)))
+    count = 3 * np.bincount(poor.chart)
+    start = np.cumsum(count) - count
+    best, box = poor.uv, poor.boxes()[1].prod(axis=1)
+    for rank in range(EDGES_TRIED):
+        along = order[start + np.minimum(rank, count - 1)]
+        turn = edge[along] / np.maximum(length[along], 1e-300)[:, None]
+        c, s = turn[poor.chart, 0][:, None], turn[poor.chart, 1][:, None]
+        turned = np.stack([c * poor.uv[:, :, 0] + s * poor.uv[:, :, 1], c * poor.uv[:, :, 1] - s * poor.uv[:, :, 0]], 2)
+        size = boxes(turned, poor.chart, poor.count)[1].prod(axis=1)
+        better = size < box
+        best, box = np.where(better[poor.chart][:, None, None], turned, best), np.where(better, size, box)
+    uv = charts.uv.copy()
+    uv[chosen] = best
+    return Charts(uv, charts.chart, charts.corner)
 
 
 def cut_wasteful(charts: Charts) -> Charts:

@@ -68,17 +68,18 @@ def pieces(positions: Float, node: Int, limit: int = PIECE_SIZE) -> Int:
     first, second, _, _ = shared_edges(node)
     smooth = (normal[first] * normal[second]).sum(axis=1) > CREASE_COSINE
     label = components(len(positions), first[smooth], second[smooth])
-    return _halve(positions.mean(axis=1), label, limit)
-
-
-def _halve(middle: Float, label: Int, limit: int) -> Int:
-    """Cut every label's items at the median of their longest extent until none has more than `limit`."""
-    label = label.copy()
     for _ in range(64):  # more halvings than there are bits in an index
-        size = np.bincount(label)
-        items = np.flatnonzero(size[label] > limit)
-        if not len(items):
+        large = np.bincount(label) > limit
+        if not large.any():
             break
+        label = halved(positions.mean(axis=1), label, large)
+    return label
+
+
+def halved(middle: Float, label: Int, chosen: NDArray[np.bool_]) -> Int:
+    """Cut the items of the chosen labels, (k,) bool, at the median of their longest extent: new labels 0 ... k - 1."""
+    label, items = label.copy(), np.flatnonzero(chosen[label])
+    if len(items):
         group = np.unique(label[items], return_inverse=True)[1].reshape(-1)
         count = np.bincount(group)
         start = np.cumsum(count) - count
@@ -90,5 +91,5 @@ def _halve(middle: Float, label: Int, limit: int) -> Int:
         rank = np.empty(len(items), np.int64)
         rank[order] = np.arange(len(items)) - start[group[order]]
         upper = rank >= (count // 2)[group]
-        label[items[upper]] = len(size) + group[upper]
+        label[items[upper]] = len(chosen) + group[upper]
     return np.asarray(np.unique(label, return_inverse=True)[1]).reshape(-1)

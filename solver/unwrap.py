@@ -14,9 +14,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from .charts import Charts, cut_wasteful, uv_areas
+from .charts import Charts, cut_wasteful, straighten, uv_areas
 from .components import components, shared_edges
-from .pieces import pieces
+from .pieces import halved, pieces
 
 Float = NDArray[np.floating[Any]]
 Int = NDArray[np.integer[Any]]
@@ -34,6 +34,12 @@ STRETCH_LIMIT = 100.0
 # A triangle whose area in its chart is below this part of its area in space was lost in flattening, and becomes a chart
 # of its own.
 LOST = 1e-3
+# A chart is planar if no triangle turns further from its mean normal than this cosine (1.8 degrees): lying in the plane
+# then costs it .05 % of its area at most.
+PLANAR_COSINE = 0.9995
+# A chart whose texel density varies more (`_unevenness`) is cut in two and flattened again, so many times at most.
+UNEVEN = 0.08
+RECUTS = 3
 
 
 def flatten(positions: Float, node: Int, progress: Progress | None = None) -> Charts:
@@ -45,13 +51,39 @@ def flatten(positions: Float, node: Int, progress: Progress | None = None) -> Ch
     node : (t, 3) int, corners that are joined have the same number; objects share none.
     progress : told the fraction done; what it raises ends the work.
     """
-    piece = pieces(positions, node)
+    charts = _flatten_pieces(positions, node, pieces(positions, node), progress)
+    for _ in range(RECUTS):
+        uneven = _unevenness(positions, charts) > UNEVEN
+        again = np.flatnonzero(uneven[charts.chart])
+        if not len(again):
+            break
+        piece = halved(positions.mean(axis=1), charts.chart, uneven)[again]
+        parts = _flatten_pieces(positions[again], node[again], np.unique(piece, return_inverse=True)[1].reshape(-1))
+        uv, chart, corner = charts.uv.copy(), charts.chart.copy(), charts.corner.copy()
+        uv[again], chart[again] = parts.uv, parts.chart + charts.count
+        corner[again] = parts.corner + int(corner.max()) + 1
+        charts = Charts(uv, np.unique(chart, return_inverse=True)[1].reshape(-1), corner)
+    return straighten(cut_wasteful(straighten(charts)))
+
+
+def _unevenness(positions: Float, charts: Charts) -> Float:
+    """(k,) spread of the texel density over a chart: standard deviation of the logarithm of area in the chart over area
+    in space, weighted by area.
+    """
+    area = _areas(positions)
+    log = np.log(np.maximum(np.abs(uv_areas(charts.uv)) / area, LOST))
+    mean = lambda values: np.bincount(charts.chart, values * area) / np.bincount(charts.chart, area)  # noqa: E731
+    return np.asarray(np.sqrt(np.maximum(mean(log * log) - mean(log) ** 2, 0)))
+
+
+def _flatten_pieces(positions: Float, node: Int, piece: Int, progress: Progress | None = None) -> Charts:
+    """Flatten pieces (t,), numbered 0 ... k - 1, each by itself."""
     order = np.argsort(piece, kind="stable")
     ends = np.append(np.flatnonzero(np.diff(piece[order])), len(order) - 1) + 1
     uv, corner = np.zeros((len(positions), 3, 2)), np.zeros((len(positions), 3), np.int64)
     start = 0
     while start < len(order):
-        stop = int(ends[min(np.searchsorted(ends, start + BATCH), len(ends) - 1)])
+        stop = int(ends[min(int(np.searchsorted(ends, start + BATCH)), len(ends) - 1)])
         batch = order[start:stop]
         uv[batch], corner[batch] = _flatten_batch(positions[batch], node[batch], piece[batch])
         corner[batch] += 3 * start  # a batch makes three nodes a triangle at most
@@ -60,7 +92,8 @@ def flatten(positions: Float, node: Int, progress: Progress | None = None) -> Ch
             progress(start / len(order))
     first, second, _, _ = shared_edges(corner)
     chart = components(len(positions), first, second)
-    return cut_wasteful(_rescue(positions, Charts(_unstretch(positions, uv, chart), chart, corner)))
+    stretched = _rescue(positions, Charts(_unstretch(positions, uv, chart), chart, corner))
+    return _project_planar(positions, stretched)
 
 
 def _flatten_batch(positions: Float, node: Int, piece: Int) -> tuple[Float, Int]:
@@ -114,23 +147,46 @@ def _unstretch(positions: Float, uv: Float, chart: Int) -> Float:
 
 
 def _rescue(positions: Float, charts: Charts) -> Charts:
-    """Give every triangle that was lost in flattening a chart of its own, in its true shape."""
+    """Make every triangle that was lost in flattening a chart of its own."""
     lost = np.abs(uv_areas(charts.uv)) < LOST * _areas(positions)
     if not lost.any():
         return charts
-    a, b = positions[lost, 1] - positions[lost, 0], positions[lost, 2] - positions[lost, 0]
-    base = np.linalg.norm(a, axis=1)
-    along = (a * b).sum(axis=1) / base
-    uv = charts.uv.copy()
-    uv[lost] = 0
-    uv[lost, 1, 0] = base
-    uv[lost, 2] = np.column_stack([along, np.linalg.norm(np.cross(a, b), axis=1) / base])
-    chart = charts.chart.copy()
     count = int(lost.sum())
+    chart, corner = charts.chart.copy(), charts.corner.copy()
     chart[lost] = chart.max() + 1 + np.arange(count)
-    corner = charts.corner.copy()
     corner[lost] = corner.max() + 1 + np.arange(3 * count).reshape(-1, 3)
-    return Charts(uv, np.unique(chart, return_inverse=True)[1].reshape(-1), corner)
+    return Charts(charts.uv, np.unique(chart, return_inverse=True)[1].reshape(-1), corner)
+
+
+def _project_planar(positions: Float, charts: Charts) -> Charts:
+    """Lay charts whose triangles all lie in one plane into that plane, in their true shape.
+
+    Most charts of a building are such; thin ones come out of the draft page askew.
+    """
+    normal = np.cross(positions[:, 1] - positions[:, 0], positions[:, 2] - positions[:, 0])
+    mean = np.stack([np.bincount(charts.chart, normal[:, k], charts.count) for k in range(3)], axis=1)
+    mean /= np.maximum(np.linalg.norm(mean, axis=1, keepdims=True), 1e-300)
+    normal /= np.linalg.norm(normal, axis=1, keepdims=True)
+    bent = np.zeros(charts.count, bool)
+    bent[charts.chart[(normal * mean[charts.chart]).sum(axis=1) < PLANAR_COSINE]] = True
+    chosen = np.flatnonzero(~bent[charts.chart])
+    # Two directions in the plane: along any side of a triangle, and square to it.
+    side = np.zeros((charts.count, 3))
+    longest = np.take_along_axis(np.roll(positions, -1, axis=1) - positions,
+                                 ((np.roll(positions, -1, axis=1) - positions) ** 2).sum(axis=2).argmax(axis=1)
+                                 [:, None, None], axis=1)[:, 0]
+    side[charts.chart] = longest
+    side -= (side * mean).sum(axis=1, keepdims=True) * mean
+    side /= np.maximum(np.linalg.norm(side, axis=1, keepdims=True), 1e-300)
+    across = np.cross(mean, side)
+    own = charts.chart[chosen]
+    first = np.zeros((charts.count, 3))
+    first[charts.chart] = positions[:, 0]
+    relative = positions[chosen] - first[own][:, None]
+    uv = charts.uv.copy()
+    uv[chosen] = np.stack([np.einsum("tcx,tx->tc", relative, side[own]),
+                           np.einsum("tcx,tx->tc", relative, across[own])], axis=2)
+    return Charts(uv, charts.chart, charts.corner)
 
 
 def _areas(positions: Float) -> Float:
