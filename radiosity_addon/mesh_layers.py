@@ -18,6 +18,8 @@ UV_MARK = "radiosity_uv_map"
 COLOURS_MARK = "radiosity_colours"
 # The map that is put into slot 0 where a mesh has none, so that ours stands in slot 1, where engines look for it.
 FILLER = "UVMap"
+# Blender's limit for a mesh.
+MOST_UV_MAPS = 8
 
 
 def put_uv(mesh: Any, uv: Float, name: str) -> str:
@@ -34,8 +36,8 @@ def put_uv(mesh: Any, uv: Float, name: str) -> str:
     layers = mesh.uv_layers
     ours = mesh.get(UV_MARK, "")
     if ours not in layers:
-        if len(layers) >= 8:
-            raise OutputError(f"object {name!r}: its mesh has {len(layers)} UV maps, and Blender takes no more than 8: "
+        if len(layers) >= MOST_UV_MAPS:
+            raise OutputError(f"object {name!r}: its mesh has {len(layers)} UV maps, and Blender takes no more: "
                               "remove one, or bake with one of them (--uv-layer)")
         active, rendered = layers.active_index, next((layer.name for layer in layers if layer.active_render), "")
         if not len(layers):

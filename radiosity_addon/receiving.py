@@ -13,6 +13,7 @@ from ..solver.errors import NothingToBake, SceneError, SettingsError
 from ..solver.settings import Settings
 from .binding import Binding
 from .mesh_arrays import corner_vertices
+from .mesh_layers import MOST_UV_MAPS, UV_MARK
 from .visible import Shown
 from .warn import Warnings, warn
 
@@ -49,7 +50,9 @@ def _bind(item: Shown, settings: Settings, warnings: Warnings) -> Binding:
     if obstacle and named:
         raise SceneError(f"object {item.name!r} {obstacle}")
     if obstacle:
-        warn(warnings, item.name, "not_baked", f"is not baked, it {obstacle}")
+        # One line for all instances that one object makes.
+        name = item.name if item.own_mesh else item.original.name
+        warn(warnings, name, "not_baked", f"is not baked, it {obstacle}")
     same = item.own_mesh and _same_topology(item.mesh, item.original.data)
     mesh = item.original.data.name if item.own_mesh else ""
     layout = ("" if not item.own_mesh else f"mesh {mesh}" if same else f"object {item.original.name}")
@@ -78,11 +81,19 @@ def _obstacle(item: Shown, settings: Settings, linked: bool) -> str:
         layers = ", ".join(repr(layer.name) for layer in item.mesh.uv_layers) or "none"
         raise SettingsError(f"object {item.name!r} has no UV map {settings.uv_layer!r} (it has {layers}): "
                             "add it, choose another, or name the objects to bake with --only")
+    if not uses_own_uv and settings.target == "lightmap" and not _has_room(item.original.data):
+        return (f"has {len(item.original.data.uv_layers)} UV maps and Blender takes no more: remove one, or bake with "
+                "one of them (--uv-layer)")
     if linked and not has_uv:
         library = item.original.library or item.original.data.library
         return (f"is linked from {library.filepath} and can't be written to: make it local "
                 "(Object > Relations > Make Local > All) or use a UV map that it has (--uv-layer)")
     return ""
+
+
+def _has_room(mesh: Any) -> bool:
+    """Whether the mesh can hold our UV map."""
+    return len(mesh.uv_layers) < MOST_UV_MAPS or mesh.get(UV_MARK, "") in mesh.uv_layers
 
 
 def _same_topology(evaluated: Any, original: Any) -> bool:

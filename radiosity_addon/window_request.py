@@ -30,7 +30,7 @@ def request_in(context: Any, options: Namespace) -> Request:
     only: tuple[str, ...] = ()
     if kept.only_selected and "only" not in given:
         selected = (item for item in context.view_layer.objects if item.select_get())
-        only = tuple(item.name for item in selected if item.type in {"MESH", "EMPTY"})
+        only = tuple(item.name for item in selected if item.type == "MESH" or item.instance_type == "COLLECTION")
         if not only:
             raise NothingToBake("no mesh is selected: select some, or switch off Selected Only")
     settings = settings_of(context.scene, {name: given[name] for name in WORDS if name in given}, only)
