@@ -11,7 +11,7 @@ from ..radiosity_addon.command import parse_options
 from ..radiosity_addon.export import export_scene
 from ..radiosity_addon.job import Job
 from ..radiosity_addon.warn import Warnings, as_line
-from ..radiosity_addon.window_request import request_in
+from ..radiosity_addon.window_request import settings_in
 from ..solver.errors import RadiosityError
 
 
@@ -30,8 +30,8 @@ class RADIOSITY_OT_check(bpy.types.Operator):
         """Export, and report."""
         warnings: Warnings = []
         try:
-            request = request_in(context, parse_options(""))
-            exported = export_scene(context.scene, context.view_layer, request.settings, warnings)
+            settings = settings_in(context, parse_options(""))
+            exported = export_scene(context.scene, context.view_layer, settings, warnings)
         except RadiosityError as error:
             self.report({"ERROR"}, str(error))
             return {"CANCELLED"}

@@ -8,20 +8,19 @@ from typing import Any
 import bpy
 
 from ..solver.errors import NothingToBake
+from ..solver.settings import Settings
 from .command import WORDS
 from .request import Request, folder_beside
 from .settings import ADVICE, settings_of
 
 
-def request_in(context: Any, options: Namespace) -> Request:
+def settings_in(context: Any, options: Namespace) -> Settings:
     """The scene's settings, the selection, and options that go before both.
-
-    Images are packed into the .blend, or linked to files in the output folder; vertex colours need no folder.
 
     Raises
     ------
     SettingsError
-        On a value that makes no sense, or if there is no folder to write to.
+        On a value that makes no sense.
     NothingToBake
         If the selection is asked for and holds no mesh.
     """
@@ -33,7 +32,24 @@ def request_in(context: Any, options: Namespace) -> Request:
         only = tuple(item.name for item in selected if item.type == "MESH" or item.instance_type == "COLLECTION")
         if not only:
             raise NothingToBake("no mesh is selected: select some, or switch off Selected Only")
-    settings = settings_of(context.scene, {name: given[name] for name in WORDS if name in given}, only)
+    return settings_of(context.scene, {name: given[name] for name in WORDS if name in given}, only)
+
+
+def request_in(context: Any, options: Namespace) -> Request:
+    """What to bake and where to: images are packed, or linked to files in the output folder.
+
+    Vertex colours need no folder; where there is one, it gets the report.
+
+    Raises
+    ------
+    SettingsError
+        On a value that makes no sense, or if there is no folder to write to.
+    NothingToBake
+        If the selection is asked for and holds no mesh.
+    """
+    given = vars(options)
+    kept = context.scene.radiosity
+    settings = settings_in(context, options)
     pack, output = given.get("pack", kept.pack), given.get("output")
     if output is None and not pack and (settings.target == "lightmap" or bpy.data.filepath):
         output = folder_beside(bpy.data.filepath, kept.output, advice=ADVICE)

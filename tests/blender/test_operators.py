@@ -1,0 +1,137 @@
+"""The operators, in background: they wait, tell errors in one line, and leave what is the user's as it was."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import bpy
+import numpy as np
+import pytest
+from radiosity import operators
+from radiosity.radiosity_addon.job import Job
+from radiosity.radiosity_addon.request import Request
+from radiosity.solver.errors import RadiosityError
+
+
+@pytest.fixture
+def stage(build: Any) -> Iterator[Any]:
+    """The operators, and a square under a sun of 1 W/m2, with settings for the quickest bake."""
+    operators.register()
+    build.sun()
+    build.mesh("Square", material=(0.5, 0.5, 0.5))
+    settings = bpy.context.scene.radiosity
+    settings.error, settings.resolution = 0.2, 32
+    yield build
+    operators.unregister()
+
+
+def state() -> Any:
+    """Everything of the file that a failed bake must leave alone."""
+    return ({name: sorted(item.name for item in getattr(bpy.data, name)) for name in (
+        "objects", "meshes", "images", "materials", "scenes", "worlds", "cameras")},
+        [layer.name for layer in bpy.data.objects["Square"].data.uv_layers],
+        bpy.context.scene.render.engine, bpy.context.active_object, list(bpy.context.selected_objects))
+
+
+def test_an_unsaved_file_can_hold_packed_images(stage):
+    # A square alone under a sun, packed. Exact answer: 1 / pi in an image of the file; active map and selection stay.
+    square = bpy.data.objects["Square"]
+    square.data.uv_layers.new(name="Paint")
+    bpy.context.scene.radiosity.pack = True
+    before = state()
+    assert bpy.ops.radiosity.bake() == {"FINISHED"}
+    image = square["radiosity_lightmaps"]
+    assert image.packed_file is not None
+    pixels = np.empty(len(image.pixels), np.float32)
+    image.pixels.foreach_get(pixels)
+    lit = pixels.reshape(-1, 4)[:, 0]
+    assert lit[lit > 0] == pytest.approx(1 / math.pi, rel=0.02)
+    assert square.data.uv_layers.active.name == "Paint"
+    assert state()[2:] == before[2:]
+
+
+def test_an_unsaved_file_without_a_folder_is_told(stage):
+    before = state()
+    with pytest.raises(RuntimeError, match=r"the \.blend is not saved, so there is no folder for the lightmaps"):
+        bpy.ops.radiosity.bake()
+    assert state() == before
+
+
+def test_the_operators_options_go_before_the_panel(stage, tmp_path):
+    # The panel asks for 32 pixels, the options for 64. Exact answer: 64, written into the folder of the options.
+    options = f"--resolution 64 --output '{tmp_path}' --quantity irradiance"
+    assert bpy.ops.radiosity.bake(options=options) == {"FINISHED"}
+    image = bpy.data.objects["Square"]["radiosity_lightmaps"]
+    assert tuple(image.size) == (64, 64)
+    assert Path(bpy.path.abspath(image.filepath)).parent == tmp_path
+
+
+def test_wrong_options_are_told_in_one_line(stage):
+    with pytest.raises(RuntimeError, match="argument --error: invalid float value: 'much'"):
+        bpy.ops.radiosity.bake(options="--error much")
+
+
+def test_a_failure_leaves_the_file_as_it_was_and_frees_the_way(stage, tmp_path):
+    # A coordinate that is not finite. Exact answer: one line, no change, and a next bake that works.
+    square = bpy.data.objects["Square"]
+    square.data.vertices[0].co.x = math.nan
+    before = state()
+    options = f"--output '{tmp_path}'"
+    with pytest.raises(RuntimeError, match="object 'Square': vertex 0 is at"):
+        bpy.ops.radiosity.bake(options=options)
+    assert state() == before
+    square.data.vertices[0].co.x = 0
+    assert bpy.ops.radiosity.bake(options=options) == {"FINISHED"}
+
+
+def test_a_second_start_is_refused(stage):
+    # One job on its way. Exact answer: another is refused by job and operator until the first is closed.
+    context = bpy.context
+    first = Job(Request(), context.scene, context.view_layer)
+    try:
+        with pytest.raises(RadiosityError, match="already on its way"):
+            Job(Request(), context.scene, context.view_layer)
+        assert not bpy.ops.radiosity.bake.poll()
+    finally:
+        first.close()
+    assert bpy.ops.radiosity.bake.poll()
+
+
+def test_selected_only_bakes_the_selection(stage, tmp_path):
+    stage.mesh("Other")
+    bpy.data.objects["Other"].select_set(True)
+    bpy.context.scene.radiosity.only_selected = True
+    assert bpy.ops.radiosity.bake(options=f"--output '{tmp_path}'") == {"FINISHED"}
+    assert "radiosity_lightmaps" in bpy.data.objects["Other"]
+    assert "radiosity_lightmaps" not in bpy.data.objects["Square"]
+
+
+def test_clear_undoes_a_bake(stage):
+    bpy.context.scene.radiosity.pack = True
+    before = state()
+    bpy.ops.radiosity.bake()
+    assert state() != before
+    assert bpy.ops.radiosity.clear() == {"FINISHED"}
+    # The empty first map stays: a mesh without any could not tell it from the user's own.
+    assert state()[0] == before[0]
+    assert state()[1] == ["UVMap"]
+
+
+def test_check_lists_what_bakes(stage):
+    assert bpy.ops.radiosity.check() == {"FINISHED"}
+
+
+def test_registering_twice_over_leaves_nothing_behind(stage):
+    # Off and on again. Exact answer: the operators and settings work as before.
+    from radiosity import radiosity_addon
+
+    operators.unregister()
+    radiosity_addon.unregister()
+    assert not hasattr(bpy.types.Scene, "radiosity")
+    radiosity_addon.register()
+    operators.register()
+    assert bpy.context.scene.radiosity.target == "lightmap"
+    assert bpy.ops.radiosity.check() == {"FINISHED"}
