@@ -91,7 +91,7 @@ def unwrap(scene: Scene, settings: Settings, objects: list[int], flat: NDArray[n
     index = np.flatnonzero(solid)
     for number, sheet in enumerate(sheets):
         packed = sheet.packer.pack(sheet.density, sheet.width)
-        height = sheet.height or _rounded(packed.height)
+        height = sheet.height or rounded(packed.height)
         uv[index[sheet.members]] = packed.uv / (sheet.width, height)
         page[np.unique(owner[index[sheet.members]])] = number
         sides.append((sheet.width, height))
@@ -162,19 +162,20 @@ def _sized(charts: Charts, members: Int, density: float, square: bool) -> _Sheet
     taken = charts.take(members)
     side = int(np.sqrt(Packer(taken, LEAST_PADDING).padded_area(density) / EXPECTED_FILL))
     packer = Packer(taken, _padding(side))
-    side = _rounded(max(np.sqrt(packer.padded_area(density) / EXPECTED_FILL), packer.sizes(density)[1][:, 0].max()))
+    side = rounded(max(np.sqrt(packer.padded_area(density) / EXPECTED_FILL), packer.sizes(density)[1][:, 0].max()))
     for _ in range(SIDE_STEPS):
         if side >= MAX_RESOLUTION:
             break
         height = packer.height(density, side)
         if height <= side:
             return _Sheet(members, packer, density, side, side if square else 0)
-        side = _rounded(max(side + SIDE_STEP, (side + min(height, 2 * side)) / 2))
+        side = rounded(max(side + SIDE_STEP, (side + min(height, 2 * side)) / 2))
     raise UnwrapError(f"texel_density {density:g} needs a page of more than {MAX_RESOLUTION} pixels: lower it, "
                       "raise max_pages, or bake fewer objects")
 
 
-def _rounded(side: float) -> int:
+def rounded(side: float) -> int:
+    """A side that an image may have, pixels, from one that it should have."""
     return int(np.clip(np.ceil(side / SIDE_STEP) * SIDE_STEP, MIN_SIDE, MAX_RESOLUTION))
 
 

@@ -8,11 +8,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from .atlas import unwrap
+from .atlas import rounded, unwrap
 from .errors import NothingToBake, SettingsError
 from .receivers import Page
 from .scene import Scene
-from .settings import DEFAULT_PAGE, MAX_RESOLUTION, Settings
+from .settings import DEFAULT_PAGE, Settings
 
 Float = NDArray[np.floating[Any]]
 Warnings = list[dict[str, Any]]
@@ -20,9 +20,6 @@ Warnings = list[dict[str, Any]]
 # A triangle whose height is below this part of the scene's half size has no area in space: float32 coordinates
 # can't tell it from a line.
 FLAT = 1e-7
-# Smallest side of an image whose size is chosen by density, and what every such side is a multiple of, pixels.
-MIN_SIDE = 16
-SIDE_STEP = 4
 
 
 @dataclass(frozen=True, eq=False)
@@ -117,12 +114,7 @@ def _own_sides(scene: Scene, settings: Settings, groups: list[list[int]]) -> lis
     if density is None:
         budget = settings.max_pages * DEFAULT_PAGE**2
         density = float(np.sqrt(budget / max(float((per_density**2).sum()), 1e-30)))
-    return [rounded_side(density * span) for span in per_density]
-
-
-def rounded_side(side: float) -> int:
-    """A side in pixels that an image may have, from one that it should have."""
-    return int(np.clip(np.ceil(side / SIDE_STEP) * SIDE_STEP, MIN_SIDE, MAX_RESOLUTION))
+    return [rounded(density * span) for span in per_density]
 
 
 def _uv_area(uv: Float | None) -> float:

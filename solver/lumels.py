@@ -114,7 +114,7 @@ def _assemble(scene: Scene, layout: Layout, covers: list[Coverage], chart: NDArr
             texels = to_texels(layout_uv[own], page.width, page.height)
             weight, footprint[to] = _barycentric(texels, centre)
             barycentric[to] = weight
-            position[to], normal[to] = _place(scene, own, weight)
+            position[to], normal[to] = place(scene, own, weight)
         start += len(pixel)
     receivers = Receivers(position, normal, triangle, barycentric, footprint)
     return Lumels(receivers, surface_of_triangle(scene)[triangle], page_index, np.concatenate(pixels).astype(np.int64),
@@ -144,8 +144,14 @@ def _barycentric(corner: Float, point: Float) -> tuple[Float, Float]:
     return weight / np.maximum(weight.sum(axis=1, keepdims=True), 1), step
 
 
-def _place(scene: Scene, triangle: Int, weight: Float) -> tuple[Float, Float]:
-    """Position relative to the scene's origin and unit shading normal, (n, 3) float64 each."""
+def place(scene: Scene, triangle: Int, weight: Float) -> tuple[Float, Float]:
+    """Position relative to the scene's origin and unit shading normal, (n, 3) float64 each.
+
+    Parameters
+    ----------
+    triangle : (n,) int, with area.
+    weight : (n, 2), weights of the triangle's corners 1 and 2.
+    """
     corners = scene.vertices[scene.triangles[triangle]] - scene.origin
     a, b = corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]
     position = corners[:, 0] + weight[:, :1] * a + weight[:, 1:] * b

@@ -165,7 +165,7 @@ def _project_planar(positions: Float, charts: Charts) -> Charts:
     """
     normal = np.cross(positions[:, 1] - positions[:, 0], positions[:, 2] - positions[:, 0])
     mean = np.stack([np.bincount(charts.chart, normal[:, k], charts.count) for k in range(3)], axis=1)
-    mean /= np.maximum(np.linalg.norm(mean, axis=1, keepdims=True), 1e-300)
+    mean = mean / np.maximum(np.linalg.norm(mean, axis=1, keepdims=True), 1e-300)
     normal /= np.linalg.norm(normal, axis=1, keepdims=True)
     bent = np.zeros(charts.count, bool)
     bent[charts.chart[(normal * mean[charts.chart]).sum(axis=1) < PLANAR_COSINE]] = True

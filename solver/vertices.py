@@ -1,0 +1,274 @@
+"""Light on mesh corners: sample it inside the triangles, then fit the colours that come closest to it.
+
+Colours sampled at the vertices themselves miss what lies between (a shadow's edge, a lamp's pool of light); the fit of
+least squares over the surface does not (Kavan, Bargteil & Sloan, Least Squares Vertex Baking, 2011).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .components import components, shared_edges
+from .layout import flat_triangles, receiving, world_areas
+from .lumels import place
+from .pieces import weld
+from .receivers import Receivers
+from .scene import Scene
+from .settings import Settings
+
+Float = NDArray[np.floating[Any]]
+Int = NDArray[np.integer[Any]]
+Fit = Callable[[Float], list[Float | None]]
+
+# Corners that meet share a colour if their normals turn by less: cosine of 30 degrees.
+CREASE_COSINE = float(np.cos(np.radians(30)))
+# Samples of the whole scene that are aimed at where no texel density is asked for; each triangle is cut into k x k
+# parts, k up to this many, with one sample in each.
+SAMPLES, MOST_CUTS = 1 << 18, 16
+# Up to this number of triangles each has four samples at least, which tell its three corners apart; above it one.
+MANY_TRIANGLES = 250_000
+# Weight of the bends between neighbouring triangles against the misfit: enough that a shadow's edge does not ring.
+SMOOTHNESS = 0.01
+# The fit ends at this residual, relative, or after so many steps.
+TOLERANCE, MOST_STEPS = 1e-5, 500
+# Times that colours below zero are held at zero and the rest is fitted again.
+CLIPPINGS = 6
+
+
+def corner_receivers(scene: Scene, settings: Settings, surfaces: list[int] | None = None) -> tuple[Receivers, Fit]:
+    """Where to sample the light for vertex colours, and what turns the samples into them.
+
+    Parameters
+    ----------
+    surfaces : indices of the objects; None for all that the settings name.
+
+    Returns
+    -------
+    receivers : n of them, several in each triangle.
+    fit : from values (n, 3) at the receivers to one (count, 3, 3) float32 an object: triangle, corner, channel; None
+        for an object that is not baked. No value is below zero.
+
+    Raises
+    ------
+    NothingToBake
+        If no object receives light.
+    """
+    chosen = receiving(scene, settings) if surfaces is None else surfaces
+    triangle = np.concatenate([np.arange(len(scene.triangles))[scene.surfaces[index].triangles] for index in chosen])
+    area = np.where(flat_triangles(scene), 0, world_areas(scene))[triangle]
+    sample = _samples(area, _cuts(area, settings))
+    own = triangle[sample.triangle]
+    position, normal = place(scene, own, sample.weight)
+    footprint = np.zeros((len(own), 2, 2), np.float32)
+    footprint[:, 0, 0] = footprint[:, 1, 1] = sample.side
+    receivers = Receivers(position.astype(np.float32), normal.astype(np.float32), own.astype(np.int32),
+                          sample.weight.astype(np.float32), footprint)
+    fitter = _Fitter(scene, chosen, triangle, area, sample)
+    return receivers, fitter.fit
+
+
+@dataclass(frozen=True, eq=False)
+class _Samples:
+    """triangle (n,) index among the chosen ones, weight (n, 2) of corners 1 and 2, area (n,) m2, side (n,) of a square
+    in (u, v) with the part's area.
+    """
+
+    triangle: Int
+    weight: Float
+    area: Float
+    side: Float
+
+
+def _cuts(area: Float, settings: Settings) -> Int:
+    """(t,) k of the k x k parts of each triangle; 0 without area."""
+    density = settings.texel_density
+    part = 1 / density**2 if density else max(float(area.sum()) / SAMPLES, 1e-300)
+    least = 2 if len(area) <= MANY_TRIANGLES else 1
+    cuts: Int = np.where(area > 0, np.clip(np.ceil(np.sqrt(area / part)), least, MOST_CUTS), 0).astype(np.int64)
+    return cuts
+
+
+def _samples(area: Float, cuts: Int) -> _Samples:
+    """The middles of k x k equal parts of every triangle, a triangle's next to each other."""
+    triangle = np.repeat(np.arange(len(area)), cuts**2)
+    k = cuts[triangle]
+    number = np.arange(len(triangle)) - np.repeat(np.cumsum(cuts**2) - cuts**2, cuts**2)
+    # Part (i, j) of the square of k x k; the half beyond the diagonal is the parts that point the other way, mirrored.
+    i, j = number // np.maximum(k, 1), number % np.maximum(k, 1)
+    mirrored = i + j >= k
+    u, v = (i + 1 / 3) / np.maximum(k, 1), (j + 1 / 3) / np.maximum(k, 1)
+    u, v = np.where(mirrored, 1 - (i + 1 / 3) / k, u), np.where(mirrored, 1 - (j + 1 / 3) / k, v)
+    return _Samples(triangle, np.column_stack([u, v]), area[triangle] / k**2, np.sqrt(.5) / k)
+
+
+class _Fitter:
+    """Colours x of the shared corners that minimise
+
+        sum over samples  area (sum over corners b_c x_c - y)^2
+        + SMOOTHNESS  sum over edges  area (bend across the edge)^2
+
+    by conjugate gradients, matrix-free: 3 x 3 sums a triangle, 6 coefficients an edge.
+    """
+
+    def __init__(self, scene: Scene, chosen: list[int], triangle: Int, area: Float, sample: _Samples) -> None:
+        self.chosen, self.surface_count = chosen, len(scene.surfaces)
+        self.counts = [scene.surfaces[index].count for index in chosen]
+        self.sample, self.triangles = sample, len(triangle)
+        self.basis = np.column_stack([1 - sample.weight.sum(axis=1), sample.weight])
+        place_of = _places(scene, chosen, triangle)
+        self.node = _shared_corners(scene, chosen, triangle, place_of)
+        self.nodes = int(self.node.max()) + 1
+        pairs = [(a, b) for a in range(3) for b in range(3)]
+        self.mass = np.stack([self._per_triangle(self.basis[:, a] * self.basis[:, b]) for a, b in pairs], axis=1)
+        self.mass = self.mass.reshape(-1, 3, 3)
+        self.bend_node, self.bend = _bends(scene.vertices[scene.triangles[triangle]] - scene.origin, self.node, area)
+        diagonal = np.bincount(self.node.ravel(), np.einsum("tcc->tc", self.mass).ravel(), self.nodes)
+        diagonal += np.bincount(self.bend_node.ravel(), (self.bend**2).ravel(), self.nodes)
+        self.colour_of = _nearest_lit(self.node, place_of, diagonal > 0)
+        self.inverse_diagonal = np.where(diagonal > 0, 1 / np.where(diagonal > 0, diagonal, 1), 0)[:, None]
+
+    def fit(self, values: Float) -> list[Float | None]:
+        """From (n, 3) values at the samples to (count, 3, 3) float32 of each object."""
+        values = np.asarray(values, np.float64)
+        load = np.stack([[self._per_triangle(self.basis[:, c] * values[:, k]) for k in range(3)] for c in range(3)])
+        right = self._scatter(self.node, load.transpose(2, 0, 1))
+        weight = self._scatter(self.node, np.repeat(np.einsum("tcd->tc", self.mass)[:, :, None], 3, axis=2))
+        # The mean of the light near each corner: the start, and the answer where samples say no more.
+        start = np.where(weight > 0, right / np.where(weight > 0, weight, 1), 0)
+        free = np.ones_like(start, bool)
+        x = start
+        for _ in range(CLIPPINGS):
+            x = self._solve(x * free, right, free)
+            if (x >= 0).all():
+                break
+            free &= x >= 0  # held at zero, and the others fitted again: cutting alone would add light
+        colours = np.maximum(x, 0)[self.colour_of].astype(np.float32)
+        result: list[Float | None] = [None] * self.surface_count
+        for index, part in zip(self.chosen, np.split(colours, np.cumsum(self.counts)[:-1]), strict=True):
+            result[index] = part
+        return result
+
+    def _solve(self, x: Float, right: Float, free: NDArray[np.bool_]) -> Float:
+        """Conjugate gradients with the diagonal as preconditioner, all channels side by side (Saad 2003, 9.2), over the
+        free unknowns; the others keep their value.
+        """
+        residual = (right - self._apply(x)) * free
+        direction = z = self.inverse_diagonal * residual
+        rho = (residual * z).sum(axis=0)
+        goal = TOLERANCE**2 * (right * self.inverse_diagonal * right).sum(axis=0)
+        for _ in range(MOST_STEPS):
+            if (rho <= goal).all():
+                break
+            image = self._apply(direction) * free
+            curvature = (direction * image).sum(axis=0)
+            step = np.where(curvature > 0, rho / np.where(curvature > 0, curvature, 1), 0)
+            x = x + step * direction
+            residual = residual - step * image
+            z = self.inverse_diagonal * residual
+            rho, before = (residual * z).sum(axis=0), rho
+            direction = z + np.where(before > 0, rho / np.where(before > 0, before, 1), 0) * direction
+        return x
+
+    def _apply(self, x: Float) -> Float:
+        """The normal equations' matrix times (nodes, 3)."""
+        result = self._scatter(self.node, np.einsum("tab,tbk->tak", self.mass, x[self.node]))
+        bend = np.einsum("es,esk->ek", self.bend, x[self.bend_node])
+        return result + self._scatter(self.bend_node, self.bend[:, :, None] * bend[:, None])
+
+    def _scatter(self, node: Int, values: Float) -> Float:
+        """Sums of values (..., 3) at their nodes: (nodes, 3)."""
+        return np.stack([np.bincount(node.ravel(), values[..., k].ravel(), self.nodes) for k in range(3)], axis=1)
+
+    def _per_triangle(self, values: Float) -> Float:
+        return np.asarray(np.bincount(self.sample.triangle, values * self.sample.area, self.triangles), np.float64)
+
+
+def _places(scene: Scene, chosen: list[int], triangle: Int) -> Int:
+    """(t, 3) int64: corners of one object at one place have the same number."""
+    owner = np.repeat(np.arange(len(chosen)), [scene.surfaces[index].count for index in chosen])
+    key = weld(scene.vertices)[scene.triangles[triangle]] + owner[:, None] * len(scene.vertices)
+    return np.asarray(np.unique(key, return_inverse=True)[1]).reshape(-1, 3)
+
+
+def _nearest_lit(node: Int, place_of: Int, lit: NDArray[np.bool_]) -> Int:
+    """(t, 3) node whose colour each corner shows: its own, or where no sample tells it (a triangle without area) that
+    of another at the same place.
+    """
+    other = np.full(int(place_of.max()) + 1, -1)
+    told = lit[node]
+    other[place_of[told]] = node[told]
+    found = other[place_of]
+    return np.asarray(np.where(told | (found < 0), node, found))
+
+
+def _shared_corners(scene: Scene, chosen: list[int], triangle: Int, place_of: Int) -> Int:
+    """(t, 3) int64: corners that share a colour have the same number.
+
+    Joined are the same corner of the mesh (`Surface.corner_ids`), and corners on both sides of an edge of one object
+    whose normals are nearly the same.
+    """
+    normal = _corner_normals(scene, triangle)
+    first, second, side, other = shared_edges(place_of)
+    ends = []
+    for a, b in ((side, (other + 1) % 3), ((side + 1) % 3, other)):
+        # The other triangle usually runs along the edge the other way; if not, its corners are the other way about.
+        swap = place_of[first, a] != place_of[second, b]
+        b = np.where(swap, np.where(b == other, (other + 1) % 3, other), b)
+        smooth = (normal[first, a] * normal[second, b]).sum(axis=1) > CREASE_COSINE
+        ends.append(np.column_stack([first * 3 + a, second * 3 + b])[smooth])
+    corner = np.concatenate([_corner_numbers(scene, index) for index in chosen])
+    corner += np.repeat(np.cumsum([0] + [int(_corner_numbers(scene, i).max()) + 1 for i in chosen[:-1]]),
+                        [scene.surfaces[i].count for i in chosen])[:, None]
+    flat = corner.ravel()
+    order = np.argsort(flat, kind="stable")
+    same = flat[order[1:]] == flat[order[:-1]]
+    ends.append(np.column_stack([order[:-1][same], order[1:][same]]))
+    pairs = np.concatenate(ends)
+    return components(3 * len(triangle), pairs[:, 0], pairs[:, 1]).reshape(-1, 3)
+
+
+def _corner_numbers(scene: Scene, index: int) -> Int:
+    """(count, 3) int64: an object's corners as its mesh counts them."""
+    surface = scene.surfaces[index]
+    if surface.corner_ids is None:
+        return np.arange(3 * surface.count).reshape(-1, 3)
+    return np.asarray(surface.corner_ids, np.int64)
+
+
+def _corner_normals(scene: Scene, triangle: Int) -> Float:
+    """(t, 3, 3) unit shading normals at the corners; a flat triangle's own where there are none."""
+    if scene.corner_normals is not None:
+        return np.asarray(scene.corner_normals[triangle])
+    corners = scene.vertices[scene.triangles[triangle]]
+    normal = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    normal /= np.maximum(np.linalg.norm(normal, axis=1, keepdims=True), 1e-300)
+    return np.repeat(normal[:, None], 3, axis=1)
+
+
+def _bends(corners: Float, node: Int, area: Float) -> tuple[Int, Float]:
+    """For every edge inside a smooth part, nodes and coefficients (e, 6) of how much the slope changes across it.
+
+    A triangle's slope away from an edge is (value at its third corner - value at the foot of its height) / height; the
+    sum of both sides' slopes is zero where the light is linear across the edge. Times the lower height, so that thin
+    triangles do not dominate, and the root of the weight.
+    """
+    first, second, side, other = shared_edges(node)
+    parts = []
+    for triangle, start in ((first, side), (second, other)):
+        p, q, a = (corners[triangle, (start + step) % 3] for step in range(3))
+        along = ((a - p) * (q - p)).sum(axis=1) / np.maximum(((q - p) ** 2).sum(axis=1), 1e-300)
+        height = np.linalg.norm(a - p - along[:, None] * (q - p), axis=1)
+        nodes = np.stack([node[triangle, (start + step) % 3] for step in range(3)], axis=1)
+        parts.append((nodes, np.column_stack([along - 1, -along, np.ones(len(along))]), height))
+    (nodes, row, height), (nodes_2, row_2, height_2) = parts
+    usable = (area[first] > 0) & (area[second] > 0) & (height > 0) & (height_2 > 0)
+    least = np.minimum(height, height_2)
+    scale = np.sqrt(SMOOTHNESS * (area[first] + area[second]))[usable, None]
+    row = (row * (least / np.where(height > 0, height, 1))[:, None])[usable] * scale
+    row_2 = (row_2 * (least / np.where(height_2 > 0, height_2, 1))[:, None])[usable] * scale
+    return np.concatenate([nodes[usable], nodes_2[usable]], axis=1), np.concatenate([row, row_2], axis=1)
