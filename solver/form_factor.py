@@ -12,7 +12,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -21,6 +20,7 @@ from numpy.typing import ArrayLike, NDArray
 from .contour import clip_to_front, convex_form_factor
 from .convex_pieces import convex_pieces, unit_normal
 from .errors import SceneError
+from .polygon import polygon_form_factor
 from .shaft import blocking
 from .visible_part import visible_form_factor
 
@@ -117,42 +117,55 @@ def _exchange(a: Float, b: Float, occluders: list[Float], generator: np.random.G
 
 
 def _lattice_mean(polygon: Float, other: Float, occluders: list[Float], generator: np.random.Generator) -> Estimate:
-    """Integral over `polygon` of the exact form factor of its points to what they see of `other`."""
+    """Integral over `polygon` of the exact form factor of its points to what they see of `other`.
+
+    Either summed as it is, or as the exact whole less what is hidden, whichever scatters less: where the polygons touch
+    the visible part is steep, but nothing is hidden there.
+    """
     shifts = generator.random((SHIFTS, 1, 2))
+    whole = convex_form_factor(polygon, other) * _area(polygon)
     for count, generating in LATTICES:
         lattice = np.arange(count)[:, None] * np.array([1, generating]) / count
         square = 1 - np.abs(2 * ((lattice + shifts) % 1) - 1)  # the tent makes a periodic function of any: N^-2
         points, weights = _spread(polygon, square.reshape(-1, 2))
-        values = _visible(points, unit_normal(polygon), other, occluders)
-        means = (values * weights).reshape(-1, SHIFTS, count).mean(axis=2).sum(axis=0)
-        mean, error = float(means.mean()), float(means.std(ddof=1) / np.sqrt(SHIFTS))
+        visible, hidden = _visible_and_hidden(points, unit_normal(polygon), other, occluders)
+        sums = [(values * weights).reshape(SHIFTS, count).mean(axis=1) for values in (visible, hidden)]
+        error, mean = min(_standard_error_and_mean(sums[0]), _standard_error_and_mean(whole - sums[1]))
         if 0 < error <= WANTED_RELATIVE_ERROR * mean:
             break
     if error == 0:  # every point saw all, or none: what is left is less than a point's share
-        error = convex_form_factor(polygon, other) * _area(polygon) / len(points)
-    return Estimate(mean, error)
+        error = whole / len(points)
+    return Estimate(max(mean, 0.0), error)
 
 
-def _visible(points: Float, normal: Float, polygon: Float, occluders: list[Float]) -> Float:
+def _standard_error_and_mean(values: Float) -> tuple[float, float]:
+    return float(values.std(ddof=1) / np.sqrt(len(values))), float(values.mean())
+
+
+def _visible_and_hidden(points: Float, normal: Float, polygon: Float, occluders: list[Float]) -> tuple[Float, Float]:
     normals = np.broadcast_to(normal, points.shape)
-    return np.concatenate([
+    visible = np.concatenate([
         visible_form_factor(points[start : start + CHUNK], normals[start : start + CHUNK], polygon, occluders)
         for start in range(0, len(points), CHUNK)
     ])
+    return visible, polygon_form_factor(points, normals, polygon) - visible
 
 
 def _spread(polygon: Float, square: Float) -> tuple[Float, Float]:
     """The square's points (n, 2) on the polygon, and what each counts for: its area times the map's stretch.
 
-    A parallelogram takes them as they are; else each triangle of the fan takes all of them, one side collapsed.
+    A parallelogram takes them as they are. In others the first coordinate goes from the centre to the outline, and the
+    second around the outline, in step with the area swept.
     """
     sides = polygon[1:] - polygon[0]
     if len(polygon) == 4 and np.allclose(sides[0] + sides[2], sides[1], rtol=0, atol=1e-12 * np.abs(sides).max()):
         return polygon[0] + square[:, :1] * sides[0] + square[:, 1:] * sides[2], np.full(len(square), _area(polygon))
-    u, v = square[:, :1], square[:, 1:]
-    points = [polygon[0] + u * (p + v * (q - p)) for p, q in pairwise(sides)]
-    weights = [u[:, 0] * np.linalg.norm(np.cross(p, q)) for p, q in pairwise(sides)]
-    return np.concatenate(points), np.concatenate(weights)
+    centre = polygon.mean(axis=0)
+    around = np.concatenate([polygon, polygon[:1]]) - centre
+    swept = np.cumsum(np.linalg.norm(np.cross(around[:-1], around[1:]), axis=1))
+    angle = square[:, 1] * swept[-1]
+    outline = np.stack([np.interp(angle, np.concatenate([[0], swept]), around[:, k]) for k in range(3)], axis=1)
+    return centre + square[:, :1] * outline, 2 * _area(polygon) * square[:, 0]
 
 
 def _occluder_pieces(occluders: Sequence[ArrayLike]) -> list[Float]:

@@ -157,7 +157,8 @@ def _signed(points: Float, normals: Float, shapes: _Shapes) -> Float:
     tolerance = ROUNDING * np.finfo(points.dtype).eps * (distance + shapes.radius)
     highest, lowest = height.max(axis=0), height.min(axis=0)
     above, crossing = lowest >= -tolerance, lowest < -tolerance
-    visible = highest > tolerance
+    # A point in the polygon's plane that looks straight at it has all corners in its horizon.
+    visible = (highest > tolerance) | (above & (_dot(normals, shapes.normal) < 0))
     far = above & visible & (distance > FAR_RADII[points.dtype.itemsize] * shapes.radius)
     whole, cut = above & visible & ~far, crossing & visible
     result = np.zeros(points.shape[1], points.dtype)
@@ -173,7 +174,7 @@ def _signed(points: Float, normals: Float, shapes: _Shapes) -> Float:
 def _lambert(seen: Float, normals: Float, shapes: _Shapes, tolerance: Float) -> Float:
     """Lambert's sum over the edges of polygons that lie above the horizon."""
     seen = _before_the_edge(seen, shapes, tolerance)
-    return _edge_sum(seen, np.roll(seen, -1, axis=1), shapes.edges, normals)
+    return lambert_sum(seen, np.roll(seen, -1, axis=1), shapes.edges, normals)
 
 
 def _clipped_lambert(seen: Float, normals: Float, shapes: _Shapes, tolerance: Float) -> Float:
@@ -193,10 +194,10 @@ def _clipped_lambert(seen: Float, normals: Float, shapes: _Shapes, tolerance: Fl
     edges = np.where(below, 0, end - start)
     exit_, entry = (crossing * leaves).sum(axis=1), (crossing * enters).sum(axis=1)
     along_horizon = np.arctan2(_length(_cross(exit_, entry)), _dot(exit_, entry)) / (2 * np.pi)
-    return np.asarray(_edge_sum(start, end, edges, normals) + np.where(front, along_horizon, -along_horizon))
+    return np.asarray(lambert_sum(start, end, edges, normals) + np.where(front, along_horizon, -along_horizon))
 
 
-def _edge_sum(start: Float, end: Float, edges: Float, normals: Float) -> Float:
+def lambert_sum(start: Float, end: Float, edges: Float, normals: Float) -> Float:
     """-1/(2 pi) sum of theta n . (a x b) / |a x b| over the edges (3, m, n); an edge seen end-on adds nothing."""
     cross = _cross(start, edges)
     length = _length(cross)

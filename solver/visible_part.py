@@ -5,7 +5,9 @@ point and the occluder's edges leaves convex pieces outside of the cone (the vie
 Nakamae 1985), and Lambert's closed form of the pieces adds up to the exact form factor: no ray, no noise.
 
 All points are cut at once: pieces are padded to the same number of corners by repeating the last one, which Lambert's
-sum doesn't notice, and each remembers the point that it belongs to.
+sum doesn't notice, and each remembers the point that it belongs to. The last occluder needs no cutting: what it hides
+of a convex piece is bounded by the piece's edges inside of its cone and by its own edges inside of the piece's cone,
+and Lambert's sum doesn't ask in which order edges come.
 """
 
 from __future__ import annotations
@@ -18,7 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .convex_pieces import unit_normal
-from .polygon import paired_form_factor
+from .polygon import lambert_sum, paired_form_factor
 
 Float = NDArray[np.floating[Any]]
 
@@ -26,6 +28,8 @@ Float = NDArray[np.floating[Any]]
 ON_PLANE = 1e-13
 # A polygon seen edge-on this closely (distance of its plane over its distance) blocks nothing.
 EDGE_ON = 1e-12
+# Corners times planes worked on at once: 8 bytes each, half a dozen arrays of them.
+HEIGHTS_AT_ONCE = 2**19
 
 
 @dataclass(frozen=True)
@@ -50,33 +54,54 @@ def visible_form_factor(points: Float, normals: Float, polygon: Float, occluders
     """
     pieces = _Pieces(polygon[None] - points[:, None], np.arange(len(points)))
     pieces = pieces.take(np.flatnonzero(_plane_distance(pieces.corners) < 0))
-    target = unit_normal(polygon)
-    for occluder in occluders:
-        pieces = _without(pieces, points, occluder, polygon[0], target)
+    above, index = _clip(pieces.corners, np.einsum("kmi,ki->km", pieces.corners, normals[pieces.owner]))
+    pieces = _Pieces(above, pieces.owner[index])
+    target = _Target(points, polygon[0], unit_normal(polygon))
+    ordered = sorted(occluders, key=len)  # the one with the most corners last: it isn't cut with
+    for occluder in ordered[:-1]:
+        pieces = _without(pieces, target, occluder)
     values = paired_form_factor(np.zeros((len(pieces.owner), 3)), normals[pieces.owner], pieces.corners)
+    for occluder in ordered[-1:]:
+        values = np.maximum(values - _hidden(pieces, target, occluder, normals), 0)
     return np.asarray(np.bincount(pieces.owner, values, len(points)), np.float64)
 
 
-def _without(pieces: _Pieces, points: Float, occluder: Float, on_target: Float, target: Float) -> _Pieces:
-    """The pieces outside of the cone over the part of the occluder that is on the points' side of the target."""
-    height = (occluder - on_target) @ target
-    height[np.abs(height) <= ON_PLANE * (np.abs(occluder - on_target).max() + np.abs(points - on_target).max())] = 0
+@dataclass(frozen=True)
+class _Target:
+    """Whence and whereto: points (n, 3); a corner and the normal of the polygon that they look at."""
+
+    points: Float
+    corner: Float
+    normal: Float
+
+
+def _cone(pieces: _Pieces, target: _Target, occluder: Float) -> tuple[Float, NDArray[np.bool_]]:
+    """The occluder as each piece's point sees it, turned so that the planes over its edges lean inwards.
+
+    Returns corners (k, e, 3) relative to the points, of the part on this side of the target, e = 0 if there is none;
+    and whether it hides anything at all (k,), which it doesn't if seen edge-on.
+    """
+    height = (occluder - target.corner) @ target.normal
+    size = np.abs(occluder - target.corner).max() + np.abs(target.points - target.corner).max()
+    height[np.abs(height) <= ON_PLANE * size] = 0
     nearer = _clip(occluder[None], height[None])[0]
     if not len(nearer):
-        return pieces
-    seen = nearer[0] - points[pieces.owner][:, None]
+        return np.empty((len(pieces.owner), 0, 3)), np.zeros(len(pieces.owner), bool)
+    seen = nearer[0] - target.points[pieces.owner][:, None]
     distance = _plane_distance(seen)
-    seen[distance < 0] = seen[distance < 0][:, ::-1]  # now every plane's normal leans into the cone
-    blocking = np.abs(distance) > EDGE_ON * np.abs(seen).max(axis=(1, 2))
-    planes = np.cross(seen, np.roll(seen, -1, axis=1))
-    planes[~blocking] = 0
+    seen[distance < 0] = seen[distance < 0][:, ::-1]
+    return seen, np.abs(distance) > EDGE_ON * np.abs(seen).max(axis=(1, 2))
+
+
+def _without(pieces: _Pieces, target: _Target, occluder: Float) -> _Pieces:
+    """The pieces outside of the cone over the occluder."""
+    seen, blocking = _cone(pieces, target, occluder)
     remaining, shadowed = [pieces.take(np.flatnonzero(~blocking))], pieces.take(np.flatnonzero(blocking))
-    planes = planes[blocking]
+    planes = np.cross(seen, np.roll(seen, -1, axis=1))[blocking]
     whole, cut = shadowed, []
     origin = np.arange(len(shadowed.owner))
     for edge in range(planes.shape[1]):
-        normal = planes[origin, edge]
-        height = np.einsum("kmi,ki->km", shadowed.corners, normal)
+        height = np.einsum("kmi,ki->km", shadowed.corners, planes[origin, edge])
         outside, index = _clip(shadowed.corners, -height)
         cut.append((_Pieces(outside, shadowed.owner[index]), origin[index]))
         inside, index = _clip(shadowed.corners, height)
@@ -86,6 +111,66 @@ def _without(pieces: _Pieces, points: Float, occluder: Float, on_target: Float, 
     remaining.append(whole.take(np.flatnonzero(~touched)))
     remaining += [piece.take(np.flatnonzero(touched[source])) for piece, source in cut]
     return _joined(remaining)
+
+
+def _hidden(pieces: _Pieces, target: _Target, occluder: Float, normals: Float) -> Float:
+    """Form factors (k,) of the parts of the pieces inside of the cone over the occluder."""
+    hidden = np.zeros(len(pieces.owner))
+    if not len(hidden):
+        return hidden
+    at_once = max(1, HEIGHTS_AT_ONCE // (pieces.corners.shape[1] * len(occluder)))
+    for start in range(0, len(hidden), at_once):
+        some = pieces.take(np.arange(start, min(start + at_once, len(hidden))))
+        seen, blocking = _cone(some, target, occluder)
+        if not blocking.any():
+            continue
+        some, seen = some.take(np.flatnonzero(blocking)), seen[blocking]
+        piece, shadow, up = _columns(some.corners), _columns(seen), np.ascontiguousarray(normals[some.owner].T)
+        over_piece, over_shadow = -_planes(piece), _planes(shadow)
+        # An edge of both counts once, with the piece's; the shadow's edges run the other way around.
+        part = _sum_inside(piece, over_piece, over_shadow, up, True)
+        part -= _sum_inside(shadow, over_shadow, over_piece, up, False)
+        hidden[start : start + at_once][blocking] = part
+    return hidden
+
+
+def _sum_inside(corners: Float, own: Float, planes: Float, normals: Float, with_boundary: bool) -> Float:
+    """Lambert's sum (k,) over the parts of the edges of polygons inside of cones (Cyrus and Beck 1978).
+
+    corners (3, m, k) and the planes over their edges, `own`; the cones' `planes` (3, e, k), leaning inwards; normals
+    (3, k). An edge that lies in one of the planes counts if `with_boundary`, and both lie on the same side of it.
+    """
+    height = _dots(corners, planes)
+    size = np.sqrt(_dots(corners, corners, same=True))[:, None] * np.sqrt(_dots(planes, planes, same=True))
+    height[np.abs(height) <= ON_PLANE * size] = 0
+    height_end = np.roll(height, -1, axis=0)
+    outside = (np.minimum(height, height_end) < 0) & (np.maximum(height, height_end) <= 0)
+    on_boundary = (height == 0) & (height_end == 0) & (size > 0)
+    outside |= (on_boundary & (_dots(own, planes) <= 0)) if with_boundary else on_boundary
+    crosses = height * height_end < 0
+    fraction = height / np.where(crosses, height - height_end, 1)
+    first = np.where(crosses & (height < 0), fraction, 0).max(axis=1)
+    last = np.where(crosses & (height > 0), fraction, 1).min(axis=1)
+    kept = ~outside.any(axis=1) & (last > first)
+    edges = (np.roll(corners, -1, axis=1) - corners) * kept
+    return lambert_sum(corners + first * edges, corners + last * edges, (last - first) * edges, normals)
+
+
+def _columns(corners: Float) -> Float:
+    """(k, m, 3) as (3, m, k): sums over a few corners then run along long rows."""
+    return np.ascontiguousarray(corners.transpose(2, 1, 0))
+
+
+def _planes(corners: Float) -> Float:
+    """Normals (3, m, k) of the planes through the point and each edge."""
+    return np.cross(corners, np.roll(corners, -1, axis=1), axis=0)
+
+
+def _dots(a: Float, b: Float, same: bool = False) -> Float:
+    """(m, e, k) products of all of a (3, m, k) with all of b (3, e, k); (m, k) of each with the same one of b."""
+    if same:
+        return np.asarray(a[0] * b[0] + a[1] * b[1] + a[2] * b[2])
+    return np.asarray(a[0, :, None] * b[0] + a[1, :, None] * b[1] + a[2, :, None] * b[2])
 
 
 def _clip(corners: Float, height: Float) -> tuple[Float, NDArray[np.intp]]:

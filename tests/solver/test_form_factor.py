@@ -1,0 +1,500 @@
+"""Form factors of polygons against the catalogue, and under everything that breaks the usual formulas."""
+
+from __future__ import annotations
+
+from itertools import pairwise
+
+import numpy as np
+import pytest
+from radiosity.solver.contour import convex_form_factor
+from radiosity.solver.convex_pieces import convex_pieces
+from radiosity.solver.errors import SceneError
+from radiosity.solver.form_factor import element_form_factor, form_factor
+from radiosity.solver.polygon import polygon_form_factor
+
+from benchmarks.form_factors.cases import (
+    BY_NAME,
+    CEILING,
+    OCCLUDED,
+    UNIT,
+    UNOCCLUDED,
+    disc,
+    facing_down,
+    level,
+    upright,
+    wing,
+)
+
+UP = np.array([0.0, 0.0, 1.0])
+ORIGIN = np.zeros(3)
+
+
+def extrapolated(coarse, fine):
+    """Limit of an error ~ 1/n^2, from n and 2 n corners."""
+    return fine + (fine - coarse) / 3
+
+
+# ---- 3.1 of the catalogue
+
+
+@pytest.mark.parametrize("case", UNOCCLUDED, ids=lambda case: f"{case.name} {case.about}")
+def test_two_polygons_without_occluders_agree_with_the_catalogue_to_ten_digits(case, validation):
+    # Exact: the catalogue's closed form; P-04 is published with 11 digits, the others with 13.
+    estimate = form_factor(case.a, case.b)
+    assert estimate.standard_error == 0
+    validation(case.name, case.about, case.exact, estimate.value, relative=2e-11)
+
+
+@pytest.mark.parametrize("case", UNOCCLUDED, ids=lambda case: case.name)
+def test_area_times_form_factor_is_the_same_both_ways(case):
+    # Exact: A_a F_ab = A_b F_ba.
+    area = [np.linalg.norm(np.cross(p[1] - p[0], p[2] - p[1])) for p in (case.a, case.b)]
+    there, back = form_factor(case.a, case.b).value, form_factor(case.b, case.a).value
+    np.testing.assert_allclose(area[0] * there, area[1] * back, rtol=1e-11)
+
+
+@pytest.mark.parametrize("case", OCCLUDED, ids=lambda case: f"{case.name} {case.about}")
+def test_shadow_of_an_occluder_lies_within_four_standard_errors_and_these_are_small(case, validation):
+    # Exact: a two-dimensional reduction of the blocked part, 10 digits; P-15 is 3/4 of P-01 by symmetry.
+    estimate = form_factor(case.a, case.b, case.occluders)
+    assert 0 < estimate.standard_error < 2e-6 * case.exact
+    validation(case.name, case.about, case.exact, estimate.value, estimate.standard_error, relative=1e-10)
+
+
+def test_standard_error_is_honest_over_thirty_seeds():
+    # P-14; exact .0995062945996. Normal deviates: rms 1, and with 16 shifts rarely beyond 3.
+    case = BY_NAME["P-14"]
+    estimates = [form_factor(case.a, case.b, case.occluders, seed=seed) for seed in range(30)]
+    deviates = np.array([(e.value - case.exact) / e.standard_error for e in estimates])
+    assert 0.7 < np.sqrt((deviates**2).mean()) < 1.4
+    assert np.abs(deviates).max() < 4
+
+
+def test_a_seed_gives_the_same_bits_again():
+    case = BY_NAME["P-14"]
+    assert form_factor(case.a, case.b, case.occluders, 3) == form_factor(case.a, case.b, case.occluders, 3)
+
+
+@pytest.mark.parametrize(("case", "radii", "gap", "exact"), [
+    ("P-12a", (1, 1), 1, 0.3819660112501), ("P-12b", (0.5, 2), 1, 0.7917560805262),
+])  # fmt: skip
+def test_discs_are_the_limit_of_regular_polygons(case, radii, gap, exact, validation):
+    # Coaxial discs, exact in closed form; polygons of 48 and 96 corners, extrapolated: the error falls as n^-4.
+    values = [form_factor(disc(radii[0], 0, n), disc(radii[1], gap, n)[::-1]).value for n in (48, 96)]
+    about = f"coaxial discs r {radii[0]}, {radii[1]}; 48- and 96-gons"
+    validation(case, about, exact, extrapolated(*values), relative=1e-6)
+
+
+def test_disc_between_discs(validation):
+    # P-22: unit discs, gap 1, occluding disc r .5 midway: .2107555172319; 24-gons of the discs' areas are 9e-6 off.
+    estimate = form_factor(disc(1, 0, 24), disc(1, 1, 24)[::-1], [disc(0.5, 0.5, 24)])
+    validation("P-22", "disc between discs; 24-gons", 0.2107555172319, estimate.value, estimate.standard_error, 1e-5)
+
+
+def test_walls_of_a_tetrahedron_get_a_third_each(validation):
+    # P-23: regular tetrahedron, seen from inside.
+    corners = np.array([[1, 1, 1], [1, -1, -1], [-1, 1, -1], [-1, -1, 1]], float)
+    faces = [corners[list(face)] for face in ((0, 1, 2), (0, 3, 1), (0, 2, 3), (1, 3, 2))]
+    inward = [f if np.cross(f[1] - f[0], f[2] - f[0]) @ f.mean(axis=0) < 0 else f[::-1] for f in faces]
+    for face in inward[1:]:
+        validation("P-23", "tetrahedron, wall to wall", 1 / 3, form_factor(inward[0], face).value, relative=1e-11)
+
+
+def test_row_of_an_l_shaped_room(validation):
+    # P-28 (Pinney and Bean's test 4): View3D's digits, whose row sums to 1.000004; ours to 1. Floor and ceiling are one
+    # L each, the inner corner shadows.
+    def wall(x0, y0, x1, y1):
+        return np.array([[x0, y0, 0], [x0, y0, 3], [x1, y1, 3], [x1, y1, 0]], float)
+
+    outline = [(0, 0), (3, 0), (3, 1), (1, 1), (1, 3), (0, 3)]
+    walls = [wall(*p, *q) for p, q in zip(outline, outline[1:] + outline[:1], strict=True)]
+    ceiling = np.array([[x, y, 3] for x, y in outline], float)
+    row = [form_factor(walls[0], other, [walls[2], walls[3]]) for other in [*walls, ceiling[::-1]]]
+    row.append(row[-1])  # the floor, by symmetry
+    published = [0, 0.113154, 0.378093, 0.027473, 0.032894, 0.182356, 0.133017, 0.133017]
+    for k, (estimate, exact) in enumerate(zip(row, published, strict=True)):
+        validation("P-28", f"L-shaped room, F 1 -> {k + 1} (View3D's digits)", exact, estimate.value,
+                   estimate.standard_error, relative=5e-6 / max(exact, 1e-9))
+    error = np.sqrt(sum(e.standard_error**2 for e in row[:-2]) + 4 * row[-1].standard_error ** 2)
+    validation("P-28", "sum of the row", 1, sum(e.value for e in row), error, relative=1e-9)
+
+
+def test_published_table_of_small_squares(validation):
+    # P-29: .1 x .1 squares .05 apart: .4153 in EES's table, .415253 by the catalogue's formula.
+    estimate = form_factor(level(0, 0.1, 0, 0.1, 0), facing_down(0, 0.1, 0, 0.1, 0.05))
+    validation("P-29", "squares of .1 m, gap .05 m", 0.415253, estimate.value, relative=2e-6)
+
+
+def test_rows_of_a_box_sum_to_one():
+    # Box 1 x 1 x 1: 4 P-05 + P-01 = 1.
+    box = [facing_down(0, 1, 0, 1, 1), upright(0, 1, 0, 1), upright(0, 1, 0, 1, 1)[::-1],
+           np.array([[0, 0, 0], [0, 0, 1], [1, 0, 1], [1, 0, 0]]),
+           np.array([[0, 1, 0], [1, 1, 0], [1, 1, 1], [0, 1, 1]])]
+    assert sum(form_factor(UNIT, wall).value for wall in box) == pytest.approx(1, abs=1e-12)
+
+
+# ---- elements
+
+
+@pytest.mark.parametrize(("case", "about", "polygon", "exact"), [
+    ("P-17", "element, triangle through the horizon",
+     [[0.25, 0.2, 1.5], [1, 1, -0.25], [0.5, -1, -0.5]], 0.2278886058235),
+    ("P-18a", "element, square overhead", facing_down(0, 0.5, 0, 0.5, 1), 0.05986411761519),
+    ("P-18b", "element, rectangle overhead", facing_down(0, 2, 0, 3, 1), 0.2175752061078),
+    ("P-19a", "element, upright square", upright(0, 1, 0, 1, 1)[::-1], 0.05573419700255),
+    ("P-19b", "element, upright rectangle", upright(0, 1, 0, 2, 0.25)[::-1], 0.2019187576875),
+])  # fmt: skip
+def test_element_to_polygon_agrees_with_the_catalogue(case, about, polygon, exact, validation):
+    estimate = element_form_factor(ORIGIN, UP, polygon)
+    assert estimate.standard_error == 0
+    validation(case, about, exact, estimate.value, relative=1e-12)
+
+
+@pytest.mark.parametrize(("case", "radius", "height", "offset", "exact"), [
+    ("P-20a", 1, 1, 1, 0.27639320225), ("P-20b", 0.5, 0.75, 2, 0.007394122590163),
+])  # fmt: skip
+def test_element_to_disc_is_the_limit_of_polygons(case, radius, height, offset, exact, validation):
+    values = [element_form_factor(ORIGIN, UP, disc(radius, height, n, offset)[::-1]).value for n in (200, 400)]
+    validation(case, "element, parallel disc off the axis; 200- and 400-gons", exact, extrapolated(*values))
+
+
+def test_disc_behind_a_disc(validation):
+    # P-21: disc R 1 at height 1 behind disc r .25 at height .5: sin^2 45 - sin^2(atan .5) = .5 - .2 = .3.
+    values = [element_form_factor(ORIGIN, UP, disc(1, 1, n)[::-1], [disc(0.25, 0.5, n)]).value for n in (100, 200)]
+    validation("P-21", "element, disc behind a disc; 100- and 200-gons", 0.3, extrapolated(*values))
+
+
+@pytest.mark.parametrize(("x", "exact"), [
+    (-0.75, 0.01318443288285), (-0.5, 0.03705534802), (0, 0.1197282352304), (0.25, 0.1611880253512),
+    (0.5, 0.1859108490138), (1, 0.1803687411231),
+])  # fmt: skip
+def test_penumbra_of_a_knife_edge(x, exact, validation):
+    # P-27: source [-1, 1]^2 at z = 2, the half-plane x < 0 at z = 1.
+    estimate = element_form_factor((x, 0, 0), UP, facing_down(-1, 1, -1, 1, 2), [level(-50, 0, -50, 50, 1)])
+    validation("P-27", f"knife edge, receiver at x = {x}", exact, estimate.value, relative=1e-10)
+
+
+@pytest.mark.parametrize(("x", "y", "exact"), [
+    (0, 0, 0.03410679489971), (1, 0, 0.02798915630256), (1, 1, 0.02334826258771), (1.5, 1.5, 0.01571496642135),
+])  # fmt: skip
+def test_source_under_a_ceiling_lights_the_floor(x, y, exact, validation):
+    # P-46, after CIE 171 5.3: a source of 1 m2 at z = 3.
+    value = element_form_factor((x, y, 0), UP, facing_down(-0.5, 0.5, -0.5, 0.5, 3)).value
+    validation("P-46", f"source of 1 m2, floor at ({x}, {y})", exact, value, relative=1e-12)
+
+
+def test_source_under_a_ceiling_lights_the_wall(validation):
+    # P-46: the wall's point (2, 0, 1.5) looks along -x.
+    value = element_form_factor((2, 0, 1.5), (-1, 0, 0), facing_down(-0.5, 0.5, -0.5, 0.5, 3)).value
+    validation("P-46", "source of 1 m2, wall at (2, 0, 1.5)", 0.02428514065092, value, relative=1e-12)
+
+
+@pytest.mark.parametrize(("z", "exact"), [(0.5, 0.4038375153749), (1.5, 0.2462297383607), (2.5, 0.147122632499)])
+def test_wall_sees_the_floor_that_it_stands_on(z, exact, validation):
+    # P-47, after CIE 171 5.6: the floor [0, 4] x [-2, 2] touches the wall's plane.
+    value = element_form_factor((0, 0, z), (1, 0, 0), level(0, 4, -2, 2, 0)).value
+    validation("P-47", f"wall above a floor, z = {z}", exact, value, relative=1e-11)
+
+
+def test_floor_of_a_courtyard_sees_the_sky(validation):
+    # P-50: centre of the floor of an open unit cube: four times P-18a.
+    value = element_form_factor((0.5, 0.5, 0), UP, CEILING).value
+    validation("P-50", "sky factor on a courtyard's floor", 0.2394564704608, value, relative=1e-12)
+
+
+# ---- stability
+
+
+@pytest.mark.parametrize("gap", [1e-2, 1e-3, 1e-4])
+def test_gap_closes_without_a_jump(gap, validation):
+    # S-1: parallel unit squares; exact by the catalogue's C-11 with 60 digits.
+    import mpmath
+
+    with mpmath.workdps(60):
+        x = 1 / mpmath.mpf(gap)
+        root = mpmath.sqrt(1 + x * x)
+        exact = 2 / (mpmath.pi * x * x) * (
+            mpmath.log((1 + x * x) / mpmath.sqrt(1 + 2 * x * x)) + 2 * x * root * mpmath.atan(x / root)
+            - 2 * x * mpmath.atan(x))
+    value = form_factor(UNIT, facing_down(0, 1, 0, 1, gap)).value
+    validation("S-1", f"gap {gap:g}", float(exact), value, relative=1e-11)
+
+
+@pytest.mark.parametrize("degrees", [1, 30, 150, 175, 179])
+def test_shared_edge_at_any_angle(degrees, validation):
+    # S-2: a twin of the contour: Gauss points of the element's closed form, on panels that halve towards the shared
+    # edge and its ends, where it isn't smooth.
+    x, wx = graded(np.concatenate([2.0 ** -np.arange(30, 0, -1), 1 - 2.0 ** -np.arange(2, 12), [1]]))
+    y, wy = graded(0.5 * 2.0 ** -np.arange(24, -1, -1))
+    grid = np.stack([*np.meshgrid(x, y, indexing="ij"), np.zeros((len(x), len(y)))], axis=2).reshape(-1, 3)
+    values = polygon_form_factor(grid, np.broadcast_to(UP, grid.shape), wing(degrees))
+    exact = 2 * wx @ values.reshape(len(x), len(y)) @ wy
+    value = form_factor(UNIT, wing(degrees)).value
+    validation("S-2", f"shared edge at {degrees} degrees", exact, value, relative=1e-10 if degrees < 170 else 1e-8)
+
+
+def graded(cuts):
+    """12 Gauss points and weights on each of the panels between 0 and the cuts."""
+    g, w = np.polynomial.legendre.leggauss(12)
+    low, width = np.concatenate([[0], cuts[:-1]]), np.diff(cuts, prepend=0)
+    return (low[:, None] + width[:, None] * (g + 1) / 2).ravel(), (width[:, None] * w / 2).ravel()
+
+
+@pytest.mark.parametrize("distance", [1e1, 1e2, 1e3, 1e4, 1e5])
+def test_distance_costs_no_digits(distance, validation):
+    # S-3: parallel unit squares at d; exact: 1/(pi d^2) (1 - 2/3 d^-2 ...) by C-11 with 60 digits.
+    import mpmath
+
+    with mpmath.workdps(60):
+        x = 1 / mpmath.mpf(distance)
+        root = mpmath.sqrt(1 + x * x)
+        exact = 2 / (mpmath.pi * x * x) * (
+            mpmath.log((1 + x * x) / mpmath.sqrt(1 + 2 * x * x)) + 2 * x * root * mpmath.atan(x / root)
+            - 2 * x * mpmath.atan(x))
+    value = form_factor(UNIT, facing_down(0, 1, 0, 1, distance)).value
+    validation("S-3", f"distance {distance:g} sides", float(exact), value, relative=1e-11)
+
+
+def test_polygon_that_crosses_the_others_plane_counts_with_its_front_part_alone(validation):
+    # S-4: an upright square, half below the floor's plane: exactly what its upper half gives.
+    whole, upper = upright(0, 1, -1, 1), upright(0, 1, 0, 1)
+    validation("S-4", "upright square half below the floor", form_factor(UNIT, upper).value,
+               form_factor(UNIT, whole).value, relative=1e-12)
+
+
+def test_planes_that_cut_both_polygons_clip_both(validation):
+    # S-4: floor [-1, 1] x [0, 1] and wall z in [-1, 1] cross in the y axis: the fronts are P-05, of half the area.
+    value = form_factor(level(-1, 1, 0, 1, 0), upright(0, 1, -1, 1)).value
+    validation("S-4", "crossing rectangles", BY_NAME["P-05"].exact / 2, value, relative=1e-11)
+
+
+def test_backs_see_nothing():
+    assert form_factor(UNIT[::-1], CEILING).value == 0
+    assert form_factor(UNIT, CEILING[::-1]).value == 0
+    assert element_form_factor(ORIGIN, UP, CEILING[::-1]).value == 0
+
+
+def test_coplanar_polygons_see_nothing():
+    assert form_factor(UNIT, level(1, 2, 0, 1, 0)).value == 0
+    assert form_factor(UNIT, level(1, 2, 0, 1, 0)[::-1]).value == 0
+
+
+@pytest.mark.parametrize("scale", [1e-3, 1.0, 1e3])
+@pytest.mark.parametrize("shift", [0.0, 1e4])
+@pytest.mark.parametrize("name", ["P-02", "P-05", "P-09", "P-14"])
+def test_scale_and_place_of_a_scene_do_not_matter(name, scale, shift):
+    # S-5: form factors have no unit. The shift is in sizes of the scene: 1e4 of them leave 12 digits of 16.
+    case = BY_NAME[name]
+    move = np.array([1.0, -0.7, 0.4]) * shift * scale
+    estimate = form_factor(case.a * scale + move, case.b * scale + move, [q * scale + move for q in case.occluders])
+    assert abs(estimate.value - case.exact) <= 4 * estimate.standard_error + 1e-9 * case.exact
+
+
+def test_rotation_does_not_matter():
+    # S-19: 37 degrees about (1, 2, 3).
+    axis = np.array([1, 2, 3]) / np.sqrt(14)
+    skew = np.cross(np.eye(3), axis)
+    turn = np.eye(3) + np.sin(np.radians(37)) * skew + (1 - np.cos(np.radians(37))) * skew @ skew
+    for name in ("P-02", "P-05", "P-09", "P-11c"):
+        case = BY_NAME[name]
+        assert form_factor(case.a @ turn.T, case.b @ turn.T).value == pytest.approx(case.exact, rel=1e-10)
+
+
+def test_needles_keep_their_digits():
+    # S-6: strips 1 x 10^-4 m side by side make up the square: the needles' mean is P-01.
+    edges = np.linspace(0, 1, 10001)[[0, 1, 2500, 2501, 9999, 10000]]
+    for low, high in zip(edges[::2], edges[1::2], strict=True):
+        needle = level(0, 1, low, high, 0)
+        weights = np.polynomial.legendre.leggauss(40)[1] / 2
+        exact = weights @ [element_form_factor((x, (low + high) / 2, 0), UP, CEILING).value
+                           for x in (np.polynomial.legendre.leggauss(40)[0] + 1) / 2]
+        assert form_factor(needle, CEILING).value == pytest.approx(exact, rel=1e-7)
+
+
+@pytest.mark.parametrize("shift", [0.0, 0.02])
+def test_thin_occluder_on_or_off_the_line_of_centres_blocks_the_same(shift, validation):
+    # S-7: occluder of 1 cm2 midway. Its blocked part hardly moves with it; rays between centroids see all or nothing.
+    # Exact: blocked part is about the area's 1e-4 times 4 P-01-like: here from a 40 x 40 Gauss rule over the occluder:
+    # flux through a small area = projected radiance: F_blocked = (1/A) int int cos cos' over lines through it.
+    half = 0.005
+    c = 0.5 + shift
+    occluder = level(c - half, c + half, c - half, c + half, 0.5)
+    estimate = form_factor(UNIT, CEILING, [occluder])
+    exact = BY_NAME["P-01"].exact - flux_through(occluder)
+    validation("S-7", f"occluder of 1 cm2, {shift:g} m off the centre", exact, estimate.value, estimate.standard_error,
+               relative=1e-9)
+
+
+def flux_through(small):
+    """What crosses a level square at z = .5 on its way from UNIT to CEILING, lines counted by cos dA dw / pi.
+
+    For a point on the square, the lines upwards reach CEILING inside one projected rectangle and come from UNIT inside
+    the mirrored one; with both at the same distance their overlap is a rectangle, and its form factor is closed. The
+    overlap has a kink at x = .5 and y = .5: Gauss points on either side of it.
+    """
+    g, w = np.polynomial.legendre.leggauss(6)
+
+    def nodes(low, high):
+        cuts = [low, 0.5, high] if low < 0.5 < high else [low, high]
+        return [((a + b + x * (b - a)) / 2, weight * (b - a) / 2)
+                for a, b in pairwise(cuts) for x, weight in zip(g, w, strict=True)]
+
+    (x0, y0, z), (x1, y1, _) = small[0], small[2]
+    return sum(
+        wx * wy * element_form_factor(
+            (x, y, z), UP, facing_down(max(0, 2 * x - 1), min(1, 2 * x), max(0, 2 * y - 1), min(1, 2 * y), 1)).value
+        for x, wx in nodes(x0, x1) for y, wy in nodes(y0, y1))
+
+
+def test_occluder_over_a_thousandth_of_the_light_is_not_lost(validation):
+    # S-8: seen from the element, a square of 1/1000 of the light's area, just below it, covers one 1000th.
+    side = np.sqrt(1e-3)
+    light = facing_down(-0.5, 0.5, -0.5, 0.5, 1)
+    near = 1 - 1e-9
+    occluder = level(0.1, 0.1 + side, 0.2, 0.2 + side, near)
+    exact = element_form_factor(ORIGIN, UP, light).value - element_form_factor(ORIGIN, UP, occluder[::-1]).value
+    validation("S-8", "occluder over 1/1000 of the light", exact,
+               element_form_factor(ORIGIN, UP, light, [occluder]).value, relative=1e-12)
+
+
+def test_occluder_that_hides_all_gives_exactly_nothing():
+    assert form_factor(UNIT, CEILING, [level(-1, 2, -1, 2, 0.5)]).value == 0
+    assert form_factor(UNIT, CEILING, [level(-1, 2, -1, 2, 0.5)]).standard_error == 0
+
+
+@pytest.mark.parametrize("occluder", [
+    level(2, 3, 0, 1, 0.5), level(0, 1, 0, 1, -0.5), level(0, 1, 0, 1, 1.5), level(0, 1, 0, 1, 1), level(0, 1, 0, 1, 0),
+    upright(0, 1, 0, 1, 1.0),
+], ids=["beside", "below", "above", "on b", "on a", "touching edge-on"])  # fmt: skip
+def test_occluder_out_of_the_way_leaves_the_exact_answer(occluder):
+    estimate = form_factor(UNIT, CEILING, [occluder])
+    assert estimate.value == pytest.approx(BY_NAME["P-01"].exact, rel=1e-12)
+    assert estimate.standard_error == 0
+
+
+def test_overlapping_occluders_shadow_once():
+    # P-15's occluder twice, and cut in two overlapping parts: 3/4 of P-01.
+    quarter = level(0, 0.5, 0, 0.5, 0.5)
+    parts = [level(0, 0.3, 0, 0.5, 0.5), level(0.2, 0.5, 0, 0.5, 0.5)]
+    for occluders in ([quarter, quarter], parts):
+        estimate = form_factor(UNIT, CEILING, occluders)
+        assert abs(estimate.value - BY_NAME["P-15"].exact) < 4 * estimate.standard_error
+        assert estimate.standard_error < 2e-6
+
+
+def test_pin_hole_is_found_or_the_error_bar_says_so():
+    # S-9: a wall with a hole of 2 mm: four strips around it. Exact: what crosses the hole.
+    low, high = 0.499, 0.501
+    strips = [level(-9, low, -9, 9, 0.5), level(high, 9, -9, 9, 0.5), level(low, high, -9, low, 0.5),
+              level(low, high, high, 9, 0.5)]
+    exact = flux_through(level(low, high, low, high, 0.5))
+    estimate = form_factor(UNIT, CEILING, strips)
+    assert 0 < estimate.standard_error < 0.05 * exact
+    assert abs(estimate.value - exact) < 4 * estimate.standard_error
+
+
+def test_visible_part_agrees_with_brute_force_rays():
+    # A twin: 200,000 random lines between two skew triangles past two skew occluders; no exact answer, 4 sigma.
+    rng = np.random.default_rng(5)
+    a, b = np.array([[0, 0, 0], [1, 0, 0.1], [0.2, 1, 0]]), np.array([[0, 0.1, 1], [0.3, 1, 1.2], [1, 0.2, 0.9]])
+    occluders = [np.array([[0.1, 0.1, 0.5], [0.6, 0.2, 0.4], [0.3, 0.6, 0.6]]),
+                 np.array([[0.5, 0.5, 0.3], [0.9, 0.4, 0.8], [0.4, 0.9, 0.5]])]
+    estimate = form_factor(a, b, occluders)
+    kernel, blocked = lines_between(a, b, occluders, rng, 200_000)
+    values = kernel * ~blocked
+    error = np.hypot(values.std() / np.sqrt(len(values)), estimate.standard_error)
+    assert abs(values.mean() - estimate.value) < 4 * error
+    assert blocked.mean() > 0.1
+
+
+def lines_between(a, b, occluders, rng, count):
+    """Integrand of F_ab for random lines, and whether a triangle blocks each."""
+    def points(triangle):
+        u, v = np.sqrt(rng.random(count))[:, None], rng.random(count)[:, None]
+        return triangle[0] + u * (triangle[1] - triangle[0]) + u * v * (triangle[2] - triangle[1])
+
+    def area_vector(t):
+        return np.cross(t[1] - t[0], t[2] - t[0]) / 2
+
+    x, y = points(a), points(b)
+    d = y - x
+    area = np.linalg.norm(area_vector(a))
+    cosines = np.maximum(d @ area_vector(a) / area, 0) * np.maximum(-(d @ area_vector(b)), 0)
+    blocked = np.zeros(count, bool)
+    for t in occluders:
+        inside = [np.einsum("nk,nk->n", d, np.cross(t[i] - x, t[(i + 1) % 3] - x)) for i in range(3)]
+        turn = np.sign(np.stack(inside))
+        height = [(p - t[0]) @ area_vector(t) for p in (x, y)]
+        blocked |= ((turn == turn[0]).all(axis=0)) & (height[0] * height[1] < 0)
+    return cosines / (np.pi * (d**2).sum(axis=1) ** 2), blocked
+
+
+# ---- input
+
+
+def test_l_shape_is_the_sum_of_its_rectangles():
+    # An L of three unit squares under a ceiling: P-01-like parts add up, weighted by area.
+    shape = np.array([[0, 0, 0], [2, 0, 0], [2, 1, 0], [1, 1, 0], [1, 2, 0], [0, 2, 0]], float)
+    parts = [level(0, 2, 0, 1, 0), level(0, 1, 1, 2, 0)]
+    exact = sum(area * form_factor(part, CEILING).value for area, part in zip((2, 1), parts, strict=True)) / 3
+    assert form_factor(shape, CEILING).value == pytest.approx(exact, rel=1e-11)
+    assert form_factor(np.roll(shape, 2, axis=0), CEILING).value == pytest.approx(exact, rel=1e-11)
+
+
+def test_hollow_outline_is_cut_right():
+    # A spiral of 10 corners: its triangles' areas add up to its area, 11 unit squares less the groove.
+    xy = [(0, 0), (4, 0), (4, 4), (0, 4), (0, 1.5), (2.5, 1.5), (2.5, 2.5), (1, 2.5), (1, 3), (3, 3), (3, 1), (0, 1)]
+    pieces = convex_pieces([(x, y, 0.0) for x, y in xy], "spiral")
+    x, y = np.array(xy).T
+    exact = (x * np.roll(y, -1) - np.roll(x, -1) * y).sum() / 2
+    areas = [np.cross(p[1] - p[0], p[2] - p[0])[2] / 2 for p in pieces]
+    assert min(areas) > 0
+    assert sum(areas) == pytest.approx(exact, rel=1e-12)
+
+
+@pytest.mark.parametrize(("polygon", "words"), [
+    ([[0, 0, 0], [1, 0, 0]], "shape"),
+    ([[0, 0], [1, 0], [1, 1]], "shape"),
+    ("square", "not an array"),
+    ([[0, 0, 0], [1, 0, 0], [np.nan, 1, 0]], "corner 2 .* finite"),
+    ([[0, 0, 0], [1, 0, 0], [np.inf, 1, 0]], "corner 2 .* finite"),
+    ([[0, 0, 0], [1, 0, 0], [2, 0, 0]], "no area"),
+    ([[0, 0, 0], [0, 0, 0], [0, 0, 0]], "repeats"),
+    ([[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0], [0, 0, 0]], "corner 0 repeats"),
+    ([[0, 0, 0], [1, 0, 0], [1, 1, 0.1], [0, 1, 0]], "not planar"),
+    ([[0, 0, 0], [3, 3, 0], [3, 0, 0], [0, 2, 0]], "crosses itself"),
+    ([[np.cos(t), np.sin(t), 0] for t in np.arange(5) * 4 * np.pi / 5], "crosses itself"),
+])  # fmt: skip
+def test_polygon_that_makes_no_sense_is_refused_in_one_line(polygon, words):
+    for call in (lambda: form_factor(polygon, CEILING), lambda: form_factor(CEILING, polygon),
+                 lambda: form_factor(UNIT, CEILING, [polygon]), lambda: element_form_factor(ORIGIN, UP, polygon)):
+        with pytest.raises(SceneError, match=words) as caught:
+            call()
+        assert "\n" not in str(caught.value)
+
+
+@pytest.mark.parametrize(("point", "normal"), [
+    ((0, 0, np.nan), UP), ((0, 0), UP), (ORIGIN, (0, 0, 0)), (ORIGIN, (0, np.inf, 1)), (ORIGIN, 3.0),
+])  # fmt: skip
+def test_element_that_makes_no_sense_is_refused(point, normal):
+    with pytest.raises(SceneError):
+        element_form_factor(point, normal, CEILING)
+
+
+def test_normal_of_any_length_is_a_direction():
+    assert element_form_factor(ORIGIN, 7 * UP, CEILING) == element_form_factor(ORIGIN, UP, CEILING)
+
+
+def test_fine_polygons_are_not_refused_as_bent_when_they_come_from_float32():
+    # A quad on a slope, rounded to float32 at 100 m from the origin: off its plane by 1e-5 m.
+    quad = np.array([[100.1, 50.3, 7.77], [101.3, 50.3, 8.31], [101.3, 51.9, 9.13], [100.1, 51.9, 8.59]], np.float32)
+    assert form_factor(quad, quad[::-1] + np.array([0, 0, 2], np.float32)).value > 0
+
+
+def test_element_average_is_the_form_factor():
+    # A twin of the contour: 24 x 24 Gauss points of the element's closed form on P-07; the rule is exact to 1e-12.
+    case = BY_NAME["P-07"]
+    g, w = np.polynomial.legendre.leggauss(24)
+    mean = sum(wx * wy / 4 * element_form_factor(((1 + x) / 2, (1 + y) / 2, 0), UP, case.b).value
+               for x, wx in zip(g, w, strict=True) for y, wy in zip(g, w, strict=True))
+    assert convex_form_factor(case.a, case.b) == pytest.approx(mean, rel=1e-11)
