@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 from .export import Exported, export_scene
-from .request import Request
+from .request import Request, remove_empty
 from .summary import print_warnings
 from .warn import Warnings
 
@@ -21,7 +21,7 @@ def check(request: Request, scene: Any, view_layer: Any) -> int:
     warnings: Warnings = []
     try:
         exported = export_scene(scene, view_layer, request.settings, warnings)
-        request.check_writable()
+        remove_empty(request.check_writable())
     finally:
         print_warnings(warnings)
     for line in lines(exported):

@@ -62,7 +62,7 @@ def export_scene(scene: Any, view_layer: Any, settings: Settings, warnings: Warn
 
 
 def _collect(depsgraph: Any, settings: Settings, sky: Sky, warnings: Warnings) -> Exported:
-    shown = shown_meshes(depsgraph)
+    shown = shown_meshes(depsgraph, warnings)
     if not shown:
         raise NothingToBake("a render of the scene shows no mesh with faces: add one, or make it visible in renders")
     bindings = choose_receivers(shown, settings, warnings)

@@ -70,7 +70,8 @@ def _to_linear(pixels: Float, image: Any, material: str, warnings: Warnings) -> 
     if space != "sRGB":
         warn(warnings, material, "texture", f"image {image.name!r} has the colour space {space!r}: it is read as sRGB")
     # A byte has 256 values: looked up, they cost a tenth of the power function.
-    return srgb_to_linear(np.arange(256, dtype=np.float32) / 255)[np.rint(pixels * 255).astype(np.uint8)]
+    table = srgb_to_linear(np.arange(256, dtype=np.float32) / 255)
+    return np.asarray(table[np.rint(pixels * 255).astype(np.uint8)])
 
 
 def _shrunk(pixels: Float) -> Float:

@@ -11,6 +11,7 @@ import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any
 
 import bpy
@@ -22,7 +23,7 @@ from . import blend_file, compat, report
 from .export import Exported, export_scene
 from .layouts import with_shared_layouts
 from .progress import Progress, Terminal
-from .request import Request
+from .request import Request, remove_empty
 from .summary import print_warnings
 from .warn import Warnings
 from .write_back import write_back
@@ -63,11 +64,12 @@ class Job:
         self._exported: Exported | None = None
         self._bake: Bake | None = None
         self._failure: BaseException | None = None
+        self._made: list[Path] = []
 
     def export(self) -> None:
         """Read the scene, and see that results can be written. Raises RadiosityError."""
         with self._timed("export"):
-            self.request.check_writable()
+            self._made = self.request.check_writable()
             scene, layer = self._place()
             self._exported = export_scene(scene, layer, self.request.settings, self.warnings)
         self.progress("export", 1.0)
@@ -115,9 +117,10 @@ class Job:
         return Outcome(full, 0 if report.reached(full) else ERROR_NOT_REACHED)
 
     def close(self) -> None:
-        """End the worker and make room for the next job."""
+        """End the worker and make room for the next job; folders that were made for nothing go."""
         self.cancel()
         self.wait(threading.TIMEOUT_MAX)
+        remove_empty(self._made)
         if Job.current is self:
             Job.current = None
 

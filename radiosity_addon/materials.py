@@ -71,6 +71,7 @@ def _read_shader(socket: Any, reader: Reader) -> Shading:
 
 
 def _principled(node: Any, reader: Reader) -> Shading:
+    _tell_bumps(node, reader)
     reflectance = reader.colour(node.inputs["Base Color"])
     strength = reader.number(node.inputs["Emission Strength"])
     emission = reader.colour(node.inputs["Emission Color"]).scaled(strength) if strength > 0 else BLACK
@@ -83,7 +84,13 @@ def _principled(node: Any, reader: Reader) -> Shading:
 
 
 def _diffuse(node: Any, reader: Reader) -> Shading:
+    _tell_bumps(node, reader)
     return Shading(reader.colour(node.inputs["Color"]))
+
+
+def _tell_bumps(node: Any, reader: Reader) -> None:
+    if reader.source(node.inputs["Normal"]) is not None:
+        reader.warn("its bumps or normal map are not baked: light falls on the mesh as it is")
 
 
 def _emission(node: Any, reader: Reader) -> Shading:

@@ -51,7 +51,7 @@ class MeshArrays:
 
 def read(collection: Any, attribute: str, dtype: type, width: int = 1) -> NDArray[Any]:
     """All values of an attribute of a Blender collection: (n,) or (n, width)."""
-    values = np.empty(len(collection) * width, dtype)
+    values: NDArray[Any] = np.empty(len(collection) * width, dtype)
     collection.foreach_get(attribute, values)
     return values.reshape(-1, width) if width > 1 else values
 

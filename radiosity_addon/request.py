@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import contextlib
 import os
 import tempfile
+from collections.abc import Iterable
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -42,8 +44,8 @@ class Request:
             return self.report
         return self.output / REPORT_NAME if self.output is not None else None
 
-    def check_writable(self) -> None:
-        """Fail before the long work if a result could not be written.
+    def check_writable(self) -> list[Path]:
+        """Fail before the long work if a result could not be written; the folders that had to be made for it.
 
         Raises
         ------
@@ -51,13 +53,15 @@ class Request:
             With the folder's path and what to do.
         """
         files = [path for path in (self.report_path, self.save) if path is not None]
+        made: list[Path] = []
         for folder in dict.fromkeys([*([self.output] if self.output else []), *(path.parent for path in files)]):
-            _check_folder(folder)
+            made += _check_folder(folder)
         for path in files:
             if path.is_dir():
                 raise OutputError(f"{path} is a folder: give the name of a file")
             if path.exists() and not os.access(path, os.W_OK):
                 raise OutputError(f"{path} may not be written: change its rights or choose another name")
+        return made
 
 
 def folder_beside(blend: str, folder: str = "", *, advice: str) -> Path:
@@ -75,8 +79,19 @@ def folder_beside(blend: str, folder: str = "", *, advice: str) -> Path:
     return Path(blend).absolute().parent / (folder.removeprefix("//") or DEFAULT_FOLDER)
 
 
-def _check_folder(folder: Path) -> None:
-    """Make the folder and try to write in it: rights alone don't tell on network drives or as root."""
+def remove_empty(folders: Iterable[Path]) -> None:
+    """Take folders away again that nothing was written to, the last made first."""
+    for folder in reversed(list(folders)):
+        with contextlib.suppress(OSError):
+            folder.rmdir()
+
+
+def _check_folder(folder: Path) -> list[Path]:
+    """Make the folder and try to write in it: rights alone don't tell on network drives or as root.
+
+    Returns the folders that were not there, the outermost first.
+    """
+    made = [path for path in (*reversed(folder.parents), folder) if not path.exists()]
     try:
         folder.mkdir(parents=True, exist_ok=True)
         with tempfile.TemporaryFile(dir=folder):
@@ -85,3 +100,4 @@ def _check_folder(folder: Path) -> None:
         reason = (cause.strerror or type(cause).__name__).lower()
         raise OutputError(f"folder {folder} can't be written to ({reason}): "
                           "change its rights or choose another folder") from cause
+    return made

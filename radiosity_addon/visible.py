@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..solver.errors import SceneError
+from .warn import Warnings, warn
 
 
 @dataclass(frozen=True, eq=False)
@@ -36,7 +37,7 @@ class Shown:
     own_mesh: bool
 
 
-def shown_meshes(depsgraph: Any) -> list[Shown]:
+def shown_meshes(depsgraph: Any, warnings: Warnings) -> list[Shown]:
     """All meshes with at least one face, in Blender's order.
 
     Raises
@@ -63,6 +64,9 @@ def shown_meshes(depsgraph: Any) -> list[Shown]:
         if not np.isfinite(matrix).all():
             raise SceneError(f"object {name!r}: its transform is not finite: "
                              "reset location, rotation and scale, or remove the constraint that makes it")
+        if not (original.visible_diffuse and original.visible_shadow):
+            warn(warnings, original.name, "visibility", "is hidden from diffuse or shadow rays, which is not followed: "
+                 "it blocks and reflects light, hide it from renders if it must not")
         materials = tuple(slot.material for slot in item.material_slots)
         shown.append(Shown(name, original, instancer, item.data, matrix, materials, not made_on_the_way))
     return shown
