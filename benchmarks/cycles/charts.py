@@ -54,11 +54,17 @@ def chart_image(uv: Float, resolution: int) -> tuple[NDArray[np.int32], int]:
     (resolution, resolution) int32 with -1 where nothing is, row 0 at v = 0; and the count of texels whose centre lies
     strictly inside two triangles or more (overlaps; a centre on a shared edge is none).
     """
-    chart = charts_of_triangles(uv)
+    triangle, overlaps = triangle_image(uv, resolution)
+    chart = np.append(charts_of_triangles(uv), np.int32(-1))
+    return chart[triangle], overlaps
+
+
+def triangle_image(uv: Float, resolution: int) -> tuple[NDArray[np.int32], int]:
+    """Triangle that covers each texel's centre, -1 for none, and the overlaps, as `chart_image` counts them."""
     image = np.full(resolution * resolution, -1, np.int32)
     claims = np.zeros(resolution * resolution, np.int32)
     for triangle, pixel, inside in _covered(np.asarray(uv, np.float64) * resolution, resolution):
-        image[pixel] = chart[triangle]
+        image[pixel] = triangle
         np.add.at(claims, pixel[inside], 1)
     return image.reshape(resolution, resolution), int(np.count_nonzero(claims > 1))
 

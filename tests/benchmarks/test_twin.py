@@ -11,7 +11,7 @@ import pytest
 
 pytest.importorskip("bpy", reason="Blender as a module (bpy) is not installed")
 
-from radiosity.benchmarks.cycles import reference, scenes, twin
+from radiosity.benchmarks.cycles import reference, scenes, twin, worst
 from radiosity.benchmarks.cycles.blender import open_blend
 
 SKY = 0.75
@@ -95,6 +95,21 @@ def test_the_same_scene_gives_the_same_twin_and_another_table_another(case: scen
     other = twin.make_twin(dataclasses.replace(case, lumels=900))
     assert other["made_from"] != first["made_from"]
     assert other["content"] != first["content"]
+
+
+def test_a_lumel_s_place_in_the_world_is_where_its_texel_lies(case: scenes.Case) -> None:
+    # The floor spans [-2, 2]^2 at z = 0 and faces up; its lumels' centres lie half a texel inside, on a regular grid.
+    known = twin.make_twin(case)
+    bpy = open_blend(case.folder / "twin.blend")
+    position, normal = worst.world_places(bpy.data.objects["Floor"], scenes.UV_LAYER, known["resolution"])
+    covered = np.isfinite(position[..., 0])
+    assert covered.sum() == known["receivers"][0]["lumels"]
+    np.testing.assert_allclose(position[covered][:, 2], 0, atol=1e-6)
+    np.testing.assert_allclose(normal[covered], np.broadcast_to([0, 0, 1], (covered.sum(), 3)), atol=1e-6)
+    rows, columns = np.nonzero(covered)
+    along = np.linalg.norm(position[rows[0], columns[0] + 1] - position[rows[0], columns[0]])
+    assert along == pytest.approx(1 / known["receivers"][0]["texels_per_metre"], rel=0.1)
+    assert np.abs(position[covered]).max() < 2
 
 
 def test_a_crop_keeps_all_of_the_surface_in_two_objects(case: scenes.Case) -> None:
