@@ -196,7 +196,7 @@ def _assert_agree(lights):
     cycles, (ours, closed) = _cycles_irradiance(), _our_irradiance(lights)
     mean = cycles.mean(axis=1)
     assert mean.min() > 0
-    for irradiance in (ours, _solver_irradiance(lights, 0.005 * mean.min())):
+    for irradiance in (ours, _solver_irradiance(lights, 0.001 * mean.min())):
         assert irradiance.mean(axis=1) == pytest.approx(mean, rel=TOLERANCE)
         deviation = np.sqrt(((irradiance - cycles) ** 2).mean(axis=(1, 2))) / mean.mean(axis=1)
         assert deviation.max() < 0.03
