@@ -1,0 +1,26 @@
+"""Radiosity: form factors F_ij, the system B = E + rho F B, and lightmaps. NumPy and Embree, no Blender.
+
+Start with `bake.py`: it lists the steps of the whole way of the light.
+"""
+
+from .bake import bake, irradiance, solve
+from .errors import (
+    Cancelled,
+    NothingToBake,
+    OutputError,
+    RadiosityError,
+    SceneError,
+    SettingsError,
+    UnwrapError,
+)
+from .form_factor import Estimate, element_form_factor, form_factor
+from .lights import Light
+from .result import Bake, Lightmap, Solution
+from .scene import Scene, Sky, Surface, Texture
+from .settings import Settings
+
+__all__ = [
+    "Bake", "Cancelled", "Estimate", "Light", "Lightmap", "NothingToBake", "OutputError", "RadiosityError", "Scene",
+    "SceneError", "Settings", "SettingsError", "Sky", "Solution", "Surface", "Texture", "UnwrapError", "bake",
+    "element_form_factor", "form_factor", "irradiance", "solve",
+]

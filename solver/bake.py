@@ -27,7 +27,7 @@ from .direct import DirectLight
 from .energy import energy_balance
 from .errors import NothingToBake
 
-#from .finish import to_images
+from .finish import to_images
 from .footprints import ReceiverFootprints
 from .gather import Gather
 from .geometry import Geometry
@@ -43,10 +43,11 @@ from .receivers import Receivers
 from .result import Bake, Lightmap, Solution, Stages, refuse_singular, report
 from .scene import Scene
 from .settings import Settings
+from .shells import Shells
 from .sources import light_sources
 from .transport import Transport
 
-#from .vertices import corner_receivers
+from .vertices import corner_receivers
 
 Float = NDArray[np.floating[Any]]
 Progress = Callable[[str, float], None]
@@ -90,8 +91,10 @@ class _Work:
             looks = look_around(self.geometry, places, seed, self.run)
             self.plan = plan(self.settings.error, looks.distance)
             corners = self.geometry.corners.reshape(-1, 3)
-            patches = Patches(corners.min(axis=0), corners.max(axis=0), self.plan.smallest_patch)
-            patches.grow(looks.points, looks.normals, looks.weight, float(looks.weight.sum()) / self.plan.patches)
+            shells = Shells.of(self.geometry.corners)
+            patches = Patches(shells, corners.min(axis=0), corners.max(axis=0), self.plan.smallest_patch)
+            if looks.spots is not None:
+                patches.grow(looks.spots, looks.weight, float(looks.weight.sum()) / self.plan.patches)
             cells = Cells(self.geometry, self.plan.cell_size)
             transport = Transport(self.geometry, self.direct, self.sampled_emitter, cells, patches, seed, self.run)
             step = max(1, len(places) * PILOT_RAYS // PILOT_TOTAL)

@@ -1,7 +1,8 @@
-"""Cells: every triangle cut on its own barycentric grid, so that a hit finds its cell by arithmetic.
+"""Cells: every triangle cut on a grid of its own, so that a hit finds its cell by arithmetic.
 
-A triangle with n divisions has n^2 congruent cells; a small triangle is one cell. Both sides of a cell are kept
-apart. A cell is given a row in the tables only when a ray first meets it ("model no more than a scene needs").
+The grid runs along the two sides that meet at the triangle's widest angle, so that cells are about as long as wide
+however thin the triangle is; a small triangle is one cell. Both sides of a cell are kept apart. A cell is given a row
+in the tables only when a ray first meets it ("model no more than a scene needs").
 """
 
 from __future__ import annotations
@@ -18,8 +19,8 @@ Int = NDArray[np.integer[Any]]
 
 # Most sides of cells, whether met or not: the map from cell to row is untouched memory until one is met (4 bytes).
 MAX_SIDES = 2**26
-# Finest grid on one triangle.
-MAX_DIVISIONS = 2**12
+# Finest grid along one side of a triangle.
+MAX_DIVISIONS = 2**14
 NOTHING = -1
 
 
@@ -33,22 +34,20 @@ class Cells:
 
     Attributes
     ----------
-    triangle, front : (rows,) of each met side of a cell.
+    side : (rows,) int64, the met sides of cells, in the order of their rows.
     """
 
     def __init__(self, geometry: Geometry, size: float) -> None:
         self.geometry = geometry
+        self._first, lengths = _widest_corner(geometry.corners)
         while True:
-            # n^2 cells of area size^2 / 2 each.
-            divisions = np.ceil(np.sqrt(2.0 * geometry.area.astype(np.float64)) / size)
-            self.divisions = np.clip(divisions, 1, MAX_DIVISIONS).astype(np.int64)
-            count = self.divisions**2
+            self._divisions = np.clip(np.ceil(lengths / size), 1, MAX_DIVISIONS).astype(np.int64)
+            count = self._divisions.prod(axis=1)
             if count.sum() * 2 <= MAX_SIDES or size > 1e30:
                 break
-            size *= 1.5
+            size *= 1.25
         self.size = size
-        self.base = np.concatenate([[0], np.cumsum(count)[:-1]]) * 2
-        self._divisions32 = self.divisions.astype(np.float32)
+        self._base = np.concatenate([[0], np.cumsum(count)[:-1]]) * 2
         self._row_of = np.zeros(int(count.sum()) * 2, np.int32)  # 0: not met; else row + 1
         self.side = np.empty(0, np.int64)
 
@@ -59,17 +58,15 @@ class Cells:
         """The side of a cell that each hit lies on: (n,) int64; NOTHING where triangle is negative."""
         met = triangle >= 0
         safe = np.where(met, triangle, 0)
-        n = self._divisions32[safe]
-        x, y = u * n, v * n
-        i, j = x.astype(np.int32), y.astype(np.int32)
-        upper = (x - i) + (y - j) > 1
-        whole = self.divisions[safe]
-        # Rounding may leave the triangle by a hair.
-        i = np.clip(i, 0, whole - 1)
-        j = np.clip(j, 0, whole - 1 - i)
-        upper &= j < whole - 1 - i
-        cell = i * (2 * whole - i) + 2 * j + upper
-        return np.where(met, self.base[safe] + 2 * cell + front, NOTHING)
+        first = self._first[safe]
+        w = 1 - u - v
+        # Weights of the corners after the widest, in the triangle's own order.
+        a = np.where(first == 0, u, np.where(first == 1, v, w))
+        b = np.where(first == 0, v, np.where(first == 1, w, u))
+        divisions = self._divisions[safe]
+        i = np.clip((a * divisions[:, 0]).astype(np.int64), 0, divisions[:, 0] - 1)
+        j = np.clip((b * divisions[:, 1]).astype(np.int64), 0, divisions[:, 1] - 1)
+        return np.where(met, self._base[safe] + 2 * (i * divisions[:, 1] + j) + front, NOTHING)
 
     def meet(self, sides: NDArray[np.int64]) -> slice:
         """Give rows to the sides that have none yet, in the order of their numbers; return the new rows."""
@@ -86,26 +83,79 @@ class Cells:
 
     def triangle_of(self, side: NDArray[np.int64]) -> NDArray[np.int32]:
         """The triangle of each side."""
-        return np.asarray(np.searchsorted(self.base, side, side="right") - 1, np.int32)
+        return np.asarray(np.searchsorted(self._base, side, side="right") - 1, np.int32)
 
     def area(self, side: NDArray[np.int64]) -> Float:
         """The area of each side, m2."""
-        triangle = self.triangle_of(side)
-        return np.asarray(self.geometry.area[triangle] / self._divisions32[triangle] ** 2, np.float32)
+        box = _Box(self, side)
+        return np.asarray(2 * self.geometry.area[box.triangle] * box.share, np.float32)
 
-    def places(self, side: NDArray[np.int64], x: Float, y: Float) -> tuple[NDArray[np.int32], Float, Float, NDArray[np.bool_]]:
+    def places(self, side: NDArray[np.int64], x: Float,
+               y: Float) -> tuple[NDArray[np.int32], Float, Float, NDArray[np.bool_]]:
         """Points of cells: (triangle, u, v, front) at the unit square's (x, y), area-preserving, for each side."""
-        triangle = self.triangle_of(side)
-        local = side - self.base[triangle]
-        front = (local & 1).astype(bool)
-        cell = local >> 1
-        n = self.divisions[triangle]
-        i = n - np.ceil(np.sqrt((n * n - cell).astype(np.float64))).astype(np.int64)
-        rest = cell - i * (2 * n - i)
-        j, upper = rest >> 1, (rest & 1).astype(bool)
-        # Fold the unit square onto the triangle below its diagonal.
-        over = x + y > 1
-        x, y = np.where(over, 1 - x, x), np.where(over, 1 - y, y)
-        x, y = np.where(upper, 1 - x, x), np.where(upper, 1 - y, y)
-        scale = 1 / self._divisions32[triangle]
-        return triangle, np.asarray((i + x) * scale, np.float32), np.asarray((j + y) * scale, np.float32), front
+        box = _Box(self, side)
+        a, b = box.inside(x, y)
+        first = self._first[box.triangle]
+        w = 1 - a - b
+        u = np.where(first == 0, a, np.where(first == 1, w, b))
+        v = np.where(first == 0, b, np.where(first == 1, a, w))
+        return box.triangle, np.asarray(u, np.float32), np.asarray(v, np.float32), (side & 1).astype(bool)
+
+
+class _Box:
+    """Cells as boxes of (a, b), the weights of two corners, cut by the triangle's third side a + b = 1.
+
+    share : (n,) the part of the unit square of (a, b) that each covers.
+    """
+
+    def __init__(self, cells: Cells, side: NDArray[np.int64]) -> None:
+        self.triangle = cells.triangle_of(side)
+        divisions = cells._divisions[self.triangle]
+        i, j = np.divmod((side - cells._base[self.triangle]) >> 1, divisions[:, 1])
+        self._a, self._b = 1 / divisions[:, 0], 1 / divisions[:, 1]
+        self._low_a, self._low_b = i * self._a, j * self._b
+        # How much of a + b is left at the box's low corner, in boxes: the cut runs from (0, height) to (width, 0).
+        rest = np.maximum(1 - self._low_a - self._low_b, 1e-9)
+        self._width, self._height = rest / self._a, rest / self._b
+
+    @property
+    def _flat(self) -> Float:
+        """Up to where, across the box, its full height lies inside the triangle: 0 ... 1."""
+        return np.clip((self._height - 1) / self._height * self._width, 0, 1)
+
+    @property
+    def _slope(self) -> tuple[Float, Float, Float]:
+        """The part where the cut runs: its width, and the heights at both ends."""
+        flat = self._flat
+        end = np.minimum(self._width, 1)
+        return (np.maximum(end - flat, 0), np.clip(self._height * (1 - flat / self._width), 0, 1),
+                np.clip(self._height * (1 - end / self._width), 0, 1))
+
+    @property
+    def share(self) -> Float:
+        width, high, low = self._slope
+        return (self._flat + width * (high + low) / 2) * self._a * self._b
+
+    def inside(self, x: Float, y: Float) -> tuple[Float, Float]:
+        """(a, b) at the unit square's (x, y), area-preserving."""
+        flat = self._flat
+        width, high, low = self._slope
+        sloped = width * (high + low) / 2
+        mass = x * (flat + sloped)
+        # Inside the sloped part the height falls from `high` to `low`: invert the quadratic of the area so far.
+        part = np.clip((mass - flat) / np.maximum(sloped, 1e-30), 0, 1)
+        fall = high - low
+        square = np.sqrt(np.maximum(high**2 - part * fall * (high + low), 0))
+        along = np.where(fall > 1e-6, (high - square) / np.maximum(fall, 1e-30), part)
+        s = np.where(mass <= flat, mass, flat + width * along)
+        t = y * np.clip(self._height * (1 - s / self._width), 0, 1)
+        return self._low_a + s * self._a, self._low_b + t * self._b
+
+
+def _widest_corner(corners: Float) -> tuple[NDArray[np.int8], Float]:
+    """The corner opposite the longest side (t,), and the lengths of the two sides that meet there (t, 2)."""
+    sides = np.linalg.norm(np.roll(corners, -1, axis=1) - corners, axis=2)  # side k joins corners k and k + 1
+    longest = np.argmax(sides, axis=1)
+    first = (longest + 2) % 3
+    row = np.arange(len(corners))
+    return first.astype(np.int8), np.stack([sides[row, first], sides[row, (first + 2) % 3]], axis=1)

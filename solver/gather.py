@@ -3,8 +3,8 @@
     E_indirect = mean over cosine-distributed rays of  rho(hit) (E_direct(hit) + H_patch(hit)) + emission(hit)
 
 Where we leave the textbook:
-1. Rays that meet something nearer than its patch is wide would see the patch's mean where its detail matters
-   (contact shadows): they go one bounce further before they ask a patch.
+1. A ray that meets something nearer than its patch is wide would see the patch's mean where its detail matters
+   (contact shadows, the gap behind a board): it goes on, bounce by bounce, until it asks a patch from afar.
 2. Rays are aimed at small bright places too (`bright.py`).
 """
 
@@ -30,8 +30,9 @@ Int = NDArray[np.integer[Any]]
 CHUNK_RAYS = 2**17
 # Rays between two looks at what cells are new.
 PASS_RAYS = 2**22
-# Hits nearer than this many edges of the patch's box go one bounce further.
+# Rays that meet a patch nearer than this many edges of its box go on, this often at most.
 NEAR_PATCHES = 1.0
+MOST_BOUNCES = 8
 # Rays of a patch that was met only now.
 LATE_RAYS = 64
 
@@ -41,14 +42,15 @@ class _Rays:
     """The rays of a run of footprints, while they are followed (all (n * rays,) but where said)."""
 
     rows: Int  # (n,) footprints
-    hits: Hits
-    sides: NDArray[np.int64]
+    sides: NDArray[np.int64]  # of the first hits
     sky: Float  # (n, 3) mean irradiance
     cosine: Float | None  # at the receiver
     spread: Float | None  # distance^2 / cosine at the hit: turns a density per area into one per angle
-    near: Int | None = None
-    next_sides: NDArray[np.int64] | None = None
-    next_sky: Float | None = None
+    hits: Hits  # the last hits of the rays that go on
+    last: NDArray[np.int64]  # their sides
+    going: Int  # which rays they are
+    carried: Float | None = None  # (going, 3) reflectance so far
+    value: Float | None = None  # (n * rays, 3) radiosity brought so far
 
 
 class Gather:
@@ -67,8 +69,8 @@ class Gather:
         self.transport, self.count, self.seed = transport, rays, seed
         self.bright = bright if bright is not None and len(bright) and bright_rays else None
         self.bright_count = bright_rays if self.bright else 0
-        # Direction (0, 1), footprint (2, 3), direction of the second bounce (4, 5).
-        self._points = kronecker(rays, 6)
+        # Direction (0, 1), footprint (2, 3).
+        self._points = kronecker(rays, 4)
         # Cell (0), place in it (1, 2), footprint (3, 4).
         self._aims = kronecker(self.bright_count, 5)
 
@@ -85,9 +87,9 @@ class Gather:
         passes = slices(len(places), max(1, PASS_RAYS // (self.count + self.bright_count)))
         for number, part in enumerate(passes):
             pieces = self._map(run, lambda rows: self._trace(places, rows), np.arange(part.start, part.stop))
-            self._meet([piece.sides for piece in pieces])
-            run.map(self._second_bounce, pieces)
-            self._meet([piece.next_sides for piece in pieces if piece.next_sides is not None])
+            for bounce in range(MOST_BOUNCES):
+                self._meet([piece.last for piece in pieces])
+                run.map(lambda piece, bounce=bounce: self._go_on(piece, bounce), pieces)  # type: ignore[misc]
             self.transport.leaving()
             for emitted, reflected in run.map(lambda rays: self._collect(places, rays, run), pieces):
                 first.append(emitted)
@@ -116,34 +118,42 @@ class Gather:
             cosine = np.sqrt(1 - u)
             facing = np.abs(np.einsum("ij,ij->i", transport.geometry.normal[hits.triangle], directions))
             spread = np.minimum(hits.distance, np.float32(1e15)) ** 2 / np.maximum(facing, np.float32(1e-6))
-        return _Rays(rows, hits, sides, mean_sky, cosine, spread)
+        return _Rays(rows, sides, mean_sky, cosine, spread, hits, sides, np.arange(len(sides)))
 
-    def _second_bounce(self, rays: _Rays) -> None:
-        """Let near hits look further; their patches' means would hide what lies in the corner."""
+    def _go_on(self, rays: _Rays, bounce: int) -> None:
+        """Let rays that met something far ask its patch, and the others look further."""
         transport, geometry = self.transport, self.transport.geometry
-        cell = transport.cells.rows(rays.sides)
-        size = np.append(transport.patches.size()[transport.cell_patch], np.float32(0))
-        near = np.flatnonzero(rays.hits.distance < np.float32(NEAR_PATCHES) * size[cell])
-        if not len(near):
-            return
+        table = transport.leaving()
+        cell = transport.cells.rows(rays.last)
+        size = np.append(transport.patches.size()[transport.cell_patch], np.float32(0))[cell]
+        near = np.flatnonzero(rays.hits.distance < np.float32(NEAR_PATCHES) * size)
+        if bounce == MOST_BOUNCES - 1:
+            near = near[:0]
+        brought = np.take(table, cell, axis=0)
+        brought[near] = transport.cell_direct[cell[near]]
+        if rays.carried is None:
+            rays.value = brought
+            rays.carried = transport.cell_reflectance[cell[near]]
+        else:
+            rays.value[rays.going] += rays.carried * brought  # type: ignore[index]
+            rays.carried = rays.carried[near] * transport.cell_reflectance[cell[near]]
         triangle, front = rays.hits.triangle[near], rays.hits.front[near]
         start = geometry.lifted(geometry.point(triangle, rays.hits.u[near], rays.hits.v[near]), triangle, front)
         normal = geometry.normal[triangle]
         normal = np.where(front[:, None], normal, -normal)
-        u, v = shifts(rays.rows[near // self.count] * np.int64(self.count) + near % self.count, 2, self.seed + 5).T
-        _, rays.next_sides, sky = transport.trace(start, cosine_directions(normal, u[:, None], v[:, None])[:, 0])
-        rays.near, rays.next_sky = near, np.float32(np.pi) * sky
+        rays.going = rays.going[near]
+        identity = rays.rows[rays.going // self.count] * np.int64(self.count) + rays.going % self.count
+        u, v = shifts(identity, 2, self.seed + 5 + bounce).T
+        rays.hits, rays.last, sky = transport.trace(start, cosine_directions(normal, u[:, None], v[:, None])[:, 0])
+        rays.value[rays.going] += rays.carried * (np.float32(np.pi) * sky)  # type: ignore[index]
 
     def _collect(self, places: Footprints, rays: _Rays, run: Run) -> tuple[Float, Float]:
         """Irradiance from sky and gathered emitters, and from reflected light: (n, 3) each."""
         transport = self.transport
         table, emission = transport.leaving(), transport.emission()
         cell = transport.cells.rows(rays.sides)
-        value = np.take(table, cell, axis=0)
-        if rays.near is not None:
-            here = cell[rays.near]
-            incoming = np.take(table, transport.cells.rows(rays.next_sides), axis=0) + rays.next_sky
-            value[rays.near] = transport.cell_direct[here] + transport.cell_reflectance[here] * incoming
+        value = rays.value
+        assert value is not None
         weight = None
         if self.bright:
             cosine = rays.cosine * np.float32(self.count / np.pi)

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from .footprints import Footprints
 from .geometry import Geometry
 from .parallel import Run
+from .patches import Spots
 from .sampling import cosine_directions, kronecker, shifted, shifts
 
 Float = NDArray[np.floating[Any]]
@@ -22,10 +23,9 @@ BOUNCES = 4
 
 @dataclass(frozen=True, eq=False)
 class Importance:
-    """Points that paths met: positions and facing normals (m, 3), weight (m,), and the first hits' median distance."""
+    """Spots that paths met, the weight of each (m,), and the median distance of the paths' first hits, metres."""
 
-    points: Float
-    normals: Float
+    spots: Spots | None
     weight: Float
     distance: float
 
@@ -41,7 +41,8 @@ def look_around(geometry: Geometry, places: Footprints, seed: int, run: Run) -> 
     origins, normals = places.sample(rows, x, y)
     weight = np.ones(len(rows), np.float32)
     path = np.arange(len(rows))
-    found: list[tuple[Float, Float, Float]] = []
+    found: list[Spots] = []
+    weights: list[Float] = []
     distance = 0.0
     for bounce in range(BOUNCES):
         hits = geometry.visibility.hits(origins, cosine_directions(normals, u[:, None], v[:, None])[:, 0])
@@ -52,16 +53,17 @@ def look_around(geometry: Geometry, places: Footprints, seed: int, run: Run) -> 
         if bounce == 0:
             distance = float(np.median(hits.distance[met]))
         triangle, front = hits.triangle[met], hits.front[met]
-        points = geometry.point(triangle, hits.u[met], hits.v[met])
-        normals = np.where(front[:, None], geometry.normal[triangle], -geometry.normal[triangle])
+        spots = Spots.at(geometry, triangle, hits.u[met], hits.v[met], front)
+        run.count(len(met))
         reflectance = geometry.reflectance(triangle, hits.u[met], hits.v[met]).mean(axis=1)
         weight = weight[met] * reflectance
         path = path[met]
-        found.append((points, normals, weight))
-        origins = geometry.lifted(points, triangle, front)
+        found.append(spots)
+        weights.append(weight)
+        origins = geometry.lifted(spots.points, triangle, front)
+        normals = spots.normals
         u, v = shifts(path, 2, seed + 11 * (bounce + 1)).T
     if not found:
         extent = float(np.linalg.norm(np.ptp(geometry.corners.reshape(-1, 3), axis=0)))
-        return Importance(np.zeros((0, 3), np.float32), np.zeros((0, 3), np.float32), np.zeros(0, np.float32), extent)
-    points, normals, weight = (np.concatenate(column) for column in zip(*found, strict=True))
-    return Importance(points, normals, weight, distance)
+        return Importance(None, np.zeros(0, np.float32), extent)
+    return Importance(Spots.join(found), np.concatenate(weights), distance)

@@ -24,6 +24,8 @@ RESTART = 30
 MOST_PRODUCTS = 300
 # A residual that a whole restart did not bring below this part of its start has stalled: the system is singular.
 STALL = 0.9
+# A stall below this is the rounding of float32 products, and good enough for any light.
+ROUNDING = 1e-4
 
 
 @dataclass(frozen=True, eq=False)
@@ -82,7 +84,7 @@ def solve_linear(apply: Callable[[Float], Float], right: Float, tolerance: float
             outcome = "converged"
             break
         if now > STALL * start:
-            outcome = "stalled"
+            outcome = "converged" if now <= ROUNDING else "stalled"
             break
     return LinearResult(x.reshape(shape), outcome, tuple(residuals))
 

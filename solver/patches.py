@@ -1,22 +1,64 @@
 """Patches: clusters of cells that carry one value of smooth indirect light each.
 
-A patch is the met sides of cells in one box of an octree that face one way (the nearest of the six axes). A box is
-split where the receivers look often (`grow`), and where the solution turns out to vary inside it (`split`), so that
-their number follows the light and not the triangles.
+A patch is the met sides of cells in one box of an octree that face one way (the nearest of the six axes), lie in one
+layer of the box across that way, have about the same room in front of them, and belong to one shell (small shells,
+gravel or leaves, are taken together): a board, its back and the wall right behind it are three patches, for they do
+not see the same light. A box is split where the receivers look often (`grow`), and where the solution turns out to
+vary inside it (`split`), so that the number of patches follows the light and not the triangles.
 """
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+
+from .geometry import Geometry
+from .shells import Shells
 
 Float = NDArray[np.floating[Any]]
 Int = NDArray[np.integer[Any]]
 Keys = NDArray[np.uint64]
 
 MOST_LEVELS = 24
+# Layers of a box across the way that its patches face.
+LAYERS = 4
+# Gaps narrower than the box are told apart by this factor, down to its power GAP_CLASSES.
+GAP_FACTOR = 4.0
+GAP_CLASSES = 8
+# Shells smaller than this part of a box are taken together in it.
+SMALL_SHELL = 0.5
+
+
+@dataclass(frozen=True, eq=False)
+class Spots:
+    """Points of surfaces: where they lie (n, 3), the way they face (n, 3), their triangles (n,), and the free distance
+    in front of them (n,) metres, inf for the open."""
+
+    points: Float
+    normals: Float
+    triangle: Int
+    gap: Float
+
+    @classmethod
+    def at(cls, geometry: Geometry, triangle: Int, u: Float, v: Float, front: NDArray[np.bool_]) -> Spots:
+        """The spots at barycentric points of triangles; one ray each looks for what is in front."""
+        points = geometry.point(triangle, u, v)
+        normals = np.where(front[:, None], geometry.normal[triangle], -geometry.normal[triangle])
+        ahead = geometry.visibility.hits(geometry.lifted(points, triangle, front), normals)
+        return cls(points, normals, triangle, np.where(ahead.triangle >= 0, ahead.distance, np.float32(np.inf)))
+
+    def take(self, index: NDArray[Any]) -> Spots:
+        """Some of the spots."""
+        return Spots(self.points[index], self.normals[index], self.triangle[index], self.gap[index])
+
+    @classmethod
+    def join(cls, some: list[Spots]) -> Spots:
+        """All of some."""
+        return cls(*(np.concatenate([getattr(one, name) for one in some])
+                     for name in ("points", "normals", "triangle", "gap")))
 
 
 class Patches:
@@ -24,6 +66,7 @@ class Patches:
 
     Parameters
     ----------
+    shells : of the scene's triangles.
     low, high : (3,) the scene's bounding box about its origin.
     smallest : no box is split below this edge, metres.
 
@@ -32,7 +75,8 @@ class Patches:
     level : (p,) int32 of each patch; its box has the edge `edge / 2^level`.
     """
 
-    def __init__(self, low: Float, high: Float, smallest: float) -> None:
+    def __init__(self, shells: Shells, low: Float, high: Float, smallest: float) -> None:
+        self._shells = shells
         self._low = np.asarray(low, np.float64)
         self.edge = max(float(np.max(np.asarray(high, np.float64) - self._low)) * 1.001, 1e-30)
         self.depth = int(np.clip(np.floor(np.log2(max(self.edge / smallest, 1.0))), 0, MOST_LEVELS))
@@ -48,16 +92,15 @@ class Patches:
         """(p,) float32: the edge of each patch's box, metres."""
         return np.asarray(self.edge / 2.0**self.level, np.float32)
 
-    def grow(self, points: Float, normals: Float, weight: Float, most: float) -> None:
+    def grow(self, spots: Spots, weight: Float, most: float) -> None:
         """Split boxes until none that can be split holds more than `most` of the weight."""
-        points = points.astype(np.float64)
         for level in range(self.depth):
-            keys, inverse = np.unique(self._keys(points, normals, level), return_inverse=True)
+            keys, inverse = np.unique(self._keys(spots, level), return_inverse=True)
             heavy = np.bincount(inverse.reshape(-1), weight, len(keys)) > most
             self._add_split(level, keys[heavy])
             inside = heavy[inverse.reshape(-1)]
-            points, normals, weight = points[inside], normals[inside], weight[inside]
-            if not len(points):
+            spots, weight = spots.take(inside), weight[inside]
+            if not len(weight):
                 break
 
     def split(self, patches: Int) -> None:
@@ -65,13 +108,12 @@ class Patches:
         for level in range(self.depth):
             self._add_split(level, self.key[patches[self.level[patches] == level]])
 
-    def of(self, points: Float, normals: Float) -> NDArray[np.int32]:
-        """The patch of each point (n,) int32; new patches are numbered in the order of their levels and keys."""
-        points = points.astype(np.float64)
-        numbers = np.full(len(points), -1, np.int32)
-        rest = np.arange(len(points))
+    def of(self, spots: Spots) -> NDArray[np.int32]:
+        """The patch of each spot (n,) int32; new patches are numbered in the order of their levels and keys."""
+        numbers = np.full(len(spots.gap), -1, np.int32)
+        rest = np.arange(len(numbers))
         for level in range(self.depth + 1):
-            keys = self._keys(points[rest], normals[rest], level)
+            keys = self._keys(spots.take(rest), level)
             deeper = _contains(self._split[level], keys)
             numbers[rest[~deeper]] = self._numbers(keys[~deeper], level)
             rest = rest[deeper]
@@ -102,13 +144,22 @@ class Patches:
     def _add_split(self, level: int, keys: Keys) -> None:
         self._split[level] = np.union1d(self._split[level], keys)
 
-    def _keys(self, points: Float, normals: Float, level: int) -> Keys:
-        voxel = np.floor((points - self._low) * (2.0**level / self.edge)).astype(np.int64)
-        axis = np.argmax(np.abs(normals), axis=1)
-        facing = 2 * axis + (normals[np.arange(len(normals)), axis] > 0)
+    def _keys(self, spots: Spots, level: int) -> Keys:
+        edge = self.edge / 2.0**level
+        place = (spots.points.astype(np.float64) - self._low) / edge
+        axis = np.argmax(np.abs(spots.normals), axis=1)
+        row = np.arange(len(axis))
+        facing = 2 * axis + (spots.normals[row, axis] > 0)
+        place[row, axis] *= LAYERS
+        voxel = np.floor(place).astype(np.int64)
+        shell = self._shells.of_triangle[spots.triangle]
+        shell = np.where(self._shells.extent[shell] >= SMALL_SHELL * edge, shell, -1)
+        with np.errstate(divide="ignore"):
+            gap = np.floor(np.log(np.minimum(spots.gap / edge, 1.0)) / np.log(GAP_FACTOR))
+        gap = np.maximum(gap, -GAP_CLASSES).astype(np.int64)
         with np.errstate(over="ignore"):
-            key = np.zeros(len(points), np.uint64)
-            for part in (voxel[:, 0], voxel[:, 1], voxel[:, 2], level * 8 + facing):
+            key = np.zeros(len(axis), np.uint64)
+            for part in (voxel[:, 0], voxel[:, 1], voxel[:, 2], level * 8 + facing, shell, gap):
                 key = (key ^ part.astype(np.uint64)) * np.uint64(0x9E3779B97F4A7C15)
                 key ^= key >> np.uint64(29)
         return key

@@ -18,7 +18,7 @@ from .footprints import CellFootprints
 from .geometry import Geometry
 from .linear import LinearResult, solve_linear
 from .parallel import Run, slices
-from .patches import Patches
+from .patches import Patches, Spots
 from .sampling import cosine_directions, kronecker, shifted, shifts, uniform
 from .visibility import Hits
 
@@ -108,9 +108,8 @@ class Transport:
 
     def _patch_of(self, sides: NDArray[np.int64]) -> NDArray[np.int32]:
         third = np.full(len(sides), 1 / 3, np.float32)
-        triangle, u, v, front = self.cells.places(sides, third, third)
-        normals = self.geometry.normal[triangle]
-        return self.patches.of(self.geometry.point(triangle, u, v), np.where(front[:, None], normals, -normals))
+        self._run.count(len(sides))
+        return self.patches.of(Spots.at(self.geometry, *self.cells.places(sides, third, third)))
 
     def _materials(self, sides: NDArray[np.int64]) -> tuple[Float, Float]:
         """Mean reflectance and mean emission that is gathered (not sampled as a lamp) of each side."""
