@@ -1,0 +1,69 @@
+"""Measure every method on every case: error against seconds and evaluations, as CSV.
+
+    python -m benchmarks.form_factors.run [--output out/form_factors.csv] [--most 65536]
+
+Columns: case, method, samples (pairs of patches, logarithms, pixels or rays asked for), value, relative_error (RMS over
+seeds where the method is random), seconds (of one call, the best of the calls).
+"""
+
+from __future__ import annotations
+
+import argparse
+import csv
+import time
+from collections.abc import Iterator
+from pathlib import Path
+
+import numpy as np
+
+from .cases import OCCLUDED, UNOCCLUDED, Case
+from .methods import METHODS, NO_OCCLUDERS, ONE_SIZE, RANDOM
+
+COLUMNS = ("case", "method", "samples", "value", "relative_error", "seconds")
+SEEDS = 8
+MOST = 65536
+
+
+def measure(case: Case, name: str, samples: int) -> tuple[float, float, float]:
+    """(value, relative error, seconds) of a method on a case."""
+    values, seconds = [], []
+    for seed in range(SEEDS if name in RANDOM else 1):
+        begin = time.perf_counter()
+        values.append(METHODS[name](case.a, case.b, samples, case.occluders, seed=seed))
+        seconds.append(time.perf_counter() - begin)
+    deviation = np.abs(np.array(values) / case.exact - 1)
+    return float(np.mean(values)), float(np.sqrt((deviation**2).mean())), min(seconds)
+
+
+def rows(cases: tuple[Case, ...], most: int) -> Iterator[tuple[str, str, int, float, float, float]]:
+    """One row for each case, method and number of samples: 1, 16, 256, ... up to `most`."""
+    ladder = [16**k for k in range(1, 8) if 16**k <= most] or [most]
+    for case in cases:
+        for name in METHODS:
+            if case.occluders and name in NO_OCCLUDERS:
+                continue
+            for samples in [1] if name in ONE_SIZE else ladder:
+                yield case.name, name, samples, *measure(case, name, samples)
+
+
+def write(path: Path, cases: tuple[Case, ...], most: int = MOST) -> None:
+    """Measure, and write the CSV."""
+    path.parent.mkdir(parents=True, exist_ok=True)
+    with path.open("w", newline="", encoding="utf-8") as file:
+        table = csv.writer(file)
+        table.writerow(COLUMNS)
+        for row in rows(cases, most):
+            table.writerow([*row[:3], f"{row[3]:.10g}", f"{row[4]:.3g}", f"{row[5]:.3g}"])
+
+
+def main() -> None:
+    """Run from the command line."""
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0] if __doc__ else None)
+    parser.add_argument("--output", type=Path, default=Path("out/form_factors.csv"))
+    parser.add_argument("--most", type=int, default=MOST, help="the most samples a method gets")
+    arguments = parser.parse_args()
+    write(arguments.output, UNOCCLUDED + OCCLUDED, arguments.most)
+
+
+if __name__ == "__main__":
+    main()
