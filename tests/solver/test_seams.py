@@ -1,0 +1,117 @@
+"""Seams: both sides agree, the rest stays as it was."""
+
+import numpy as np
+import pytest
+from radiosity.solver.finish import to_images
+from radiosity.solver.lumels import lumels
+from radiosity.solver.scene import Scene, Surface
+from radiosity.solver.seams import stitch
+from radiosity.solver.settings import Settings
+
+SIDE = 48
+SETTINGS = Settings(uv_layer="UVMap", atlas="shared", resolution=SIDE, margin=4)
+# Two unit squares side by side, sharing the edge x = 1; in the layout apart, the second one turned by 90 degrees and
+# smaller, so that no texels face each other.
+VERTICES = np.array([[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0], [2, 0, 0], [2, 1, 0]], float)
+TRIANGLES = np.array([[0, 1, 2], [0, 2, 3], [1, 4, 5], [1, 5, 2]])
+LEFT = np.array([[.05, .05], [.45, .05], [.45, .45], [.05, .45]])
+RIGHT = np.array([[.93, .52], [.93, .87], [.58, .87], [.58, .52]])
+UV = np.concatenate([LEFT[[[0, 1, 2], [0, 2, 3]]], RIGHT[[[0, 1, 2], [0, 2, 3]]]])
+
+
+def two_squares(vertices=VERTICES, triangles=TRIANGLES, surfaces=None):
+    surfaces = surfaces or (Surface("both", 0, 4, lightmap_uv=UV),)
+    return Scene(vertices, triangles, surfaces=surfaces)
+
+
+def baked(scene, light):
+    result = lumels(scene, SETTINGS, [])
+    return result, to_images(result, light(result.receivers.position + scene.origin), SETTINGS)
+
+
+def filtered(image, uv):
+    """What bilinear filtering shows at layout coordinates (n, 2)."""
+    point = np.asarray(uv) * SIDE - .5
+    corner = np.floor(point).astype(int)
+    a, b = (point - corner).T[:, :, None]
+    x, y = corner.T
+    return ((1 - a) * (1 - b) * image[y, x] + a * (1 - b) * image[y, x + 1]
+            + (1 - a) * b * image[y + 1, x] + a * b * image[y + 1, x + 1])
+
+
+def gap(image):
+    """RMS difference of the light on both sides of the seam."""
+    t = np.linspace(.01, .99, 99)[:, None]
+    left = filtered(image, LEFT[1] * (1 - t) + LEFT[2] * t)
+    right = filtered(image, RIGHT[0] * (1 - t) + RIGHT[3] * t)
+    return np.sqrt(np.mean((left - right) ** 2))
+
+
+def rough(p):
+    """Light 1 with a noise of .1, as two charts baked apart have it."""
+    return 1 + np.random.default_rng(0).normal(0, .1, (len(p), 3))
+
+
+def test_a_seam_closes():
+    # Noise of 10 % on both sides: the difference across the seam falls by more than a factor of 3, and no lumel moves
+    # by more than the noise's spread of three sigma.
+    scene = two_squares()
+    result, images = baked(scene, rough)
+    stitched = stitch(result, scene, images)
+    assert gap(stitched[0]) < gap(images[0]) / 3
+    change = (stitched[0] - images[0]).reshape(-1, 3)[result.pixel]
+    assert np.abs(change).max() < .3
+
+
+def test_only_texels_at_the_seam_change():
+    # All texels further than two texels from both sides of the seam keep their bits.
+    scene = two_squares()
+    result, images = baked(scene, rough)
+    changed = np.argwhere((stitch(result, scene, images)[0] != images[0]).any(axis=2))[:, ::-1] + .5
+    near_left = np.abs(changed[:, 0] - .45 * SIDE) < 2
+    near_right = np.abs(changed[:, 1] - .52 * SIDE) < 2
+    assert len(changed) > 20
+    assert (near_left | near_right).all()
+
+
+def test_light_that_is_continuous_stays():
+    # E = 1 + x + y: filtered, both sides differ by the margin's constant extension only; the truth at the lumels moves
+    # by less than 2 % and the seam still gets better.
+    scene = two_squares()
+    result, images = baked(scene, lambda p: np.repeat(1 + p[:, :1] + p[:, 1:2], 3, axis=1))
+    stitched = stitch(result, scene, images)
+    covered = np.zeros(SIDE * SIDE, bool)
+    covered[result.pixel] = True
+    change = (stitched[0] / np.maximum(images[0], 1e-9) - 1).reshape(-1, 3)[covered]
+    assert np.abs(change).max() < .02
+    assert gap(stitched[0]) <= gap(images[0])
+
+
+def test_a_crease_keeps_both_its_lights():
+    # The right square folded up by 90 degrees: nothing changes.
+    folded = VERTICES.copy()
+    folded[4:, 0], folded[4:, 2] = 1, 1
+    scene = two_squares(folded)
+    result, images = baked(scene, rough)
+    assert np.array_equal(stitch(result, scene, images)[0], images[0])
+
+
+@pytest.mark.parametrize(("tilt", "joined"), [(0, True), (.1, False)])
+def test_objects_are_joined_only_where_they_are_flush(tilt, joined):
+    # The same squares as two objects that touch: in one plane they are stitched, with one tilted by 6 degrees not.
+    vertices = np.vstack([VERTICES[:4], VERTICES[[1, 4, 5, 2]]])
+    vertices[[5, 6], 2] = tilt
+    triangles = np.array([[0, 1, 2], [0, 2, 3], [4, 5, 6], [4, 6, 7]])
+    scene = two_squares(vertices, triangles, (Surface("left", 0, 2, lightmap_uv=UV[:2]),
+                                              Surface("right", 2, 2, lightmap_uv=UV[2:])))
+    result, images = baked(scene, rough)
+    assert (stitch(result, scene, images)[0] != images[0]).any() == joined
+
+
+def test_a_chart_without_seams_is_returned_as_it_was():
+    # One square alone: the same pixels, in a copy.
+    scene = Scene(VERTICES[:4], TRIANGLES[:2], surfaces=(Surface("one", 0, 2, lightmap_uv=UV[:2]),))
+    result, images = baked(scene, rough)
+    stitched = stitch(result, scene, images)
+    assert np.array_equal(stitched[0], images[0])
+    assert stitched[0] is not images[0]
