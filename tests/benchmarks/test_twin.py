@@ -135,6 +135,23 @@ def test_cycles_bakes_the_sky_s_radiance_on_a_black_floor_under_it(case: scenes.
     assert reference.noise(case, content) < 0.05
 
 
+def test_copies_of_a_triangle_are_taken_out_and_normals_stay(case: scenes.Case) -> None:
+    # Three triangles, the second on the first but turned over: one goes, and the others face up as they did. The
+    # array's cubes are made of squares, which are no copies.
+    assert twin.make_twin(case)["copies"] == {}
+    bpy = open_blend(case.blend)
+    _quad(bpy, "Twice", 1.0, 5.0, _material(bpy, "Grey", (0.5, 0.5, 0.5)))
+    twice = bpy.data.objects["Twice"].data
+    twice.clear_geometry()
+    corners = [(0, 0, 5), (1, 0, 5), (0, 1, 5), (0, 0, 5), (0, 1, 5), (1, 0, 5), (1, 1, 5)]
+    twice.from_pydata(corners, [], [(0, 1, 2), (3, 4, 5), (1, 6, 2)])
+    bpy.ops.wm.save_as_mainfile(filepath=str(case.blend))
+    assert twin.make_twin(case)["copies"] == {"Twice": "1 of 3 faces lie on another"}
+    bpy = open_blend(case.folder / "twin.blend")
+    normals = [corner.vector[:] for corner in bpy.data.objects["Twice"].data.corner_normals]
+    np.testing.assert_allclose(normals, [(0, 0, 1)] * 6, atol=1e-4)
+
+
 def test_references_of_another_twin_are_passed_over(case: scenes.Case) -> None:
     # A bake kept under one content hash is not found under another.
     reference.save(case, reference.TwinInCycles(case).bake(1, 1), "another")
