@@ -105,8 +105,10 @@ def test_qmc_rays_converge_faster_than_random_ones():
     counts = np.array([256, 1024, 4096, 16384])
     slopes = []
     for method in (monte_carlo_rays, qmc_rays):
-        errors = [np.sqrt(np.mean([(method.form_factor(P01.a, P01.b, n, seed=s) - P01.exact) ** 2 for s in range(12)]))
-                  for n in counts]
+        errors = [
+            np.sqrt(np.mean([(method.form_factor(P01.a, P01.b, n, seed=s) - P01.exact) ** 2 for s in range(12)]))
+            for n in counts
+        ]
         slopes.append(np.polyfit(np.log(counts), np.log(errors), 1)[0])
     assert slopes[0] == pytest.approx(-0.5, abs=0.15)
     assert slopes[1] < -0.65

@@ -96,8 +96,8 @@ def test_walls_of_a_tetrahedron_get_a_third_each(validation):
     corners = np.array([[1, 1, 1], [1, -1, -1], [-1, 1, -1], [-1, -1, 1]], float)
     faces = [corners[list(face)] for face in ((0, 1, 2), (0, 3, 1), (0, 2, 3), (1, 3, 2))]
     inward = [f if np.cross(f[1] - f[0], f[2] - f[0]) @ f.mean(axis=0) < 0 else f[::-1] for f in faces]
-    for face in inward[1:]:
-        validation("P-23", "tetrahedron, wall to wall", 1 / 3, form_factor(inward[0], face).value, relative=1e-11)
+    for k, face in enumerate(inward[1:], 2):
+        validation("P-23", f"tetrahedron, wall 1 to wall {k}", 1 / 3, form_factor(inward[0], face).value, relative=1e-11)
 
 
 def test_row_of_an_l_shaped_room(validation):
