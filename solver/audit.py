@@ -120,7 +120,8 @@ class Auditor:
         points, normals = places.sample(np.repeat(rows, each), x, y)
         direct = self._lamps(points, normals, generator, run)
         indirect = np.zeros_like(direct)
-        carried = np.ones((count, 3), np.float32)
+        # A point that a touching face hides has no normal, and gets no light.
+        carried = np.repeat(normals.any(axis=1)[:, None], 3, axis=1).astype(np.float32)
         alive = np.arange(count)
         directions = cosine_directions(normals, u[:, None], v[:, None])[:, 0]
         for bounce in range(MOST_BOUNCES):

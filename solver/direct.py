@@ -38,6 +38,9 @@ MOST_RAYS = 4096
 QMC_RATE = 0.75
 # Places of a footprint at which the closed form is asked for.
 CLOSED_SAMPLES = 4
+# Which dimensions of the point set serve footprint x, y and lamp u, v: in the natural order a shadow edge along both
+# x and u resonates (RMS .028 of the visible part at 1,024 rays, against .0055 in this one).
+COLUMNS = (3, 0, 2, 1)
 # Up to this many lamps, every one is looked at from every point.
 FEW_LAMPS = 4
 # A lamp that would give less than this part of all unoccluded light at a point is drawn with a probability.
@@ -140,7 +143,7 @@ class DirectLight:
         def work(part: slice) -> _Sums:
             these = rows[part]
             move = shifts(places.identity[these], 4, self.seed + 7919 * (number + 1))
-            x, y, u, v = (shifted(set_of_points[:, axis], move[:, axis]).reshape(-1) for axis in range(4))
+            x, y, u, v = (shifted(set_of_points[:, axis], move[:, axis]).reshape(-1) for axis in COLUMNS)
             points, normals = places.sample(np.repeat(these, count), x, y)
             towards = light.sample(points, normals, np.stack([u, v], axis=-1))
             weight = towards.weight

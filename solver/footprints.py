@@ -27,7 +27,10 @@ class Footprints(Protocol):
     def __len__(self) -> int: ...
 
     def sample(self, rows: Int, x: Float, y: Float) -> tuple[Float, Float]:
-        """Points lifted off the surface and unit normals, (n, 3) each, at (x, y) in [0, 1)^2 of footprints `rows`."""
+        """Points lifted off the surface and unit normals, (n, 3) each, at (x, y) in [0, 1)^2 of footprints `rows`.
+
+        The normal is zero where no light can arrive, because a face of something else lies on the point.
+        """
         ...
 
 
@@ -46,7 +49,10 @@ class ReceiverFootprints:
         self._seed = seed
         self._step = receivers.footprint * np.float32(part)
         self._free = receivers.triangle < 0
+        self._free_offset = np.float32(self.geometry.offset.max(initial=0))
         self._any_free = bool(self._free.any())
+        self._hidden = np.zeros(len(receivers), bool)
+        self._hidden = self._partly_hidden()
 
     def __len__(self) -> int:
         return len(self.receivers)
@@ -70,13 +76,28 @@ class ReceiverFootprints:
         if self._any_free:
             triangle = np.maximum(triangle, 0)
         u, v = place[:, 0], place[:, 1]
-        points = self.geometry.lifted(self.geometry.point(triangle, u, v), triangle, np.ones(len(rows), bool))
+        flat = self.geometry.point(triangle, u, v)
+        points = self.geometry.lifted(flat, triangle, np.ones(len(rows), bool))
         normals = self.geometry.shading_normal(triangle, u, v)
+        doubtful = np.flatnonzero(self._hidden[rows])
+        if len(doubtful):
+            normals[doubtful[self.geometry.buried.find(flat[doubtful], triangle[doubtful])]] = 0
         if self._any_free:
             free = self._free[rows]
             normals[free] = self.receivers.normal[rows[free]]
-            points[free] = self.receivers.position[rows[free]] + normals[free] * self.geometry.visibility.offset
+            points[free] = self.receivers.position[rows[free]] + normals[free] * self._free_offset
         return points, normals
+
+    def _partly_hidden(self) -> NDArray[np.bool_]:
+        """Footprints with a corner or middle that a touching face hides."""
+        rows = np.flatnonzero(~self._free)
+        found = np.zeros(len(self), bool)
+        for x, y in ((0.5, 0.5), (0.0, 0.0), (1.0, 0.0), (0.0, 1.0), (1.0, 1.0)):
+            place = self._offset(self.receivers.barycentric[rows], self._step[rows],
+                                 np.full(len(rows), x, np.float32), np.full(len(rows), y, np.float32))
+            triangle = self.receivers.triangle[rows]
+            found[rows] |= self.geometry.buried.find(self.geometry.point(triangle, place[:, 0], place[:, 1]), triangle)
+        return found
 
     @staticmethod
     def _offset(centre: Float, step: Float, x: Float, y: Float) -> Float:

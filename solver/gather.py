@@ -49,6 +49,7 @@ class _Rays:
     hits: Hits  # the last hits of the rays that go on
     last: NDArray[np.int64]  # their sides
     going: Int  # which rays they are
+    lit: NDArray[np.bool_] | None  # whether light can arrive at the ray's start; None: everywhere
     carried: Float | None = None  # (going, 3) reflectance so far
     value: Float | None = None  # (n * rays, 3) radiosity brought so far
 
@@ -112,13 +113,16 @@ class Gather:
         origins, normals = places.sample(np.repeat(rows, self.count), x, y)
         directions = cosine_directions(normals, u[:, None], v[:, None])[:, 0]
         hits, sides, sky = transport.trace(origins, directions)
+        lit = None if normals.any(axis=1).all() else normals.any(axis=1)
+        if lit is not None:
+            sky *= lit[:, None]
         mean_sky = np.float32(np.pi) * sky.reshape(-1, self.count, 3).mean(axis=1)
         cosine = spread = None
         if self.bright:
             cosine = np.sqrt(1 - u)
             facing = np.abs(np.einsum("ij,ij->i", transport.geometry.normal[hits.triangle], directions))
             spread = np.minimum(hits.distance, np.float32(1e15)) ** 2 / np.maximum(facing, np.float32(1e-6))
-        return _Rays(rows, sides, mean_sky, cosine, spread, hits, sides, np.arange(len(sides)))
+        return _Rays(rows, sides, mean_sky, cosine, spread, hits, sides, np.arange(len(sides)), lit)
 
     def _go_on(self, rays: _Rays, bounce: int) -> None:
         """Let rays that met something far ask its patch, and the others look further."""
@@ -154,11 +158,13 @@ class Gather:
         cell = transport.cells.rows(rays.sides)
         value = rays.value
         assert value is not None
-        weight = None
+        weight = None if rays.lit is None else np.asarray(rays.lit, np.float32)[:, None]
         if self.bright:
             cosine = rays.cosine * np.float32(self.count / np.pi)
             aimed = self.bright_count * self.bright.density_of(cell) * rays.spread
-            weight = (cosine / (cosine + aimed))[:, None]
+            share = (cosine / (cosine + aimed))[:, None]
+            weight = share if weight is None else weight * share
+        if weight is not None:
             value *= weight
         total = value.reshape(-1, self.count, 3).mean(axis=1)
         emitted = np.zeros_like(total)

@@ -3,13 +3,16 @@
 from __future__ import annotations
 
 from functools import cached_property
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from .scene import Scene, Texture
-from .visibility import Visibility
+from .visibility import OFFSET, Visibility
+
+if TYPE_CHECKING:
+    from .buried import Buried
 
 Float = NDArray[np.floating[Any]]
 Int = NDArray[np.integer[Any]]
@@ -23,6 +26,7 @@ class Geometry:
     corners : (t, 3, 3) float32, metres, relative to `scene.origin`.
     normal : (t, 3) float32 unit geometric normals; zero for a triangle without area.
     area : (t,) float32, m2.
+    offset : (t,) float32, metres: how far off a triangle a ray starts.
     """
 
     def __init__(self, scene: Scene) -> None:
@@ -33,10 +37,18 @@ class Geometry:
         self.corners = np.asarray(relative, np.float32)
         self.area = np.asarray(length / 2, np.float32)
         self.normal = np.asarray(cross / np.maximum(length, 1e-300)[:, None], np.float32)
+        self.offset = np.abs(self.corners).max(axis=(1, 2), initial=1e-30) * np.float32(OFFSET)
         self._base = np.ascontiguousarray(self.corners[:, 0])
         self._edge1 = np.ascontiguousarray(self.corners[:, 1] - self.corners[:, 0])
         self._edge2 = np.ascontiguousarray(self.corners[:, 2] - self.corners[:, 0])
         self._textured = bool((scene.reflectance_texture >= 0).any()) if len(self.area) else False  # type: ignore[operator]
+
+    @cached_property
+    def buried(self) -> Buried:
+        """Which points lie under faces that touch theirs."""
+        from .buried import Buried
+
+        return Buried(self)
 
     @cached_property
     def visibility(self) -> Visibility:
@@ -66,8 +78,8 @@ class Geometry:
 
     def lifted(self, points: Float, triangle: Int, front: NDArray[np.bool_]) -> Float:
         """The points, moved off their triangles to the side that is asked for, so that a ray does not meet its start."""
-        side = np.where(front, self.visibility.offset, -self.visibility.offset).astype(np.float32)
-        return points + self.normal[triangle] * side[:, None]
+        offset = self.offset[triangle]
+        return points + self.normal[triangle] * np.where(front, offset, -offset)[:, None]
 
     def reflectance(self, triangle: Int, u: Float, v: Float) -> Float:
         """(n, 3) float32 diffuse reflectance at barycentric points."""

@@ -21,7 +21,7 @@ except ImportError:  # no wheel for this platform: the NumPy caster below takes 
 Float = NDArray[np.floating[Any]]
 
 SLOW_NOTICE = "embreex is missing on this platform: rays are cast by NumPy, which is hundreds of times slower"
-# A ray that starts on a surface starts this part of the scene's largest coordinate above it: a few units in the
+# A ray that starts on a triangle starts this part of the triangle's largest coordinate above it: a few units in the
 # last place of float32, the precision of Embree's intersections.
 OFFSET = 2.0**-18
 # A shadow ray ends this part of its length before the lamp's surface, for the same reason.
@@ -53,8 +53,6 @@ class Visibility:
     def __init__(self, corners: Float, embree: bool = True) -> None:
         self._corners = np.ascontiguousarray(corners, np.float32)
         self.notice = "" if embree and EmbreeScene is not None else SLOW_NOTICE
-        extent = float(np.abs(self._corners).max()) if self._corners.size else 1.0
-        self.offset = np.float32(max(extent, 1e-30) * OFFSET)
         self._scene = None
         if not self.notice and len(corners):
             self._scene = EmbreeScene()
