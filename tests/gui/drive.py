@@ -2,10 +2,11 @@
 
 `blender --enable-event-simulate SCENE.blend --python drive.py`, with DRIVE_JOB set to a JSON object:
 tab, operator : what to click, e.g. "Radiosity" and "radiosity.bake".
+settings : values of the scene's settings, as the panel's fields would get them.
 shots : folder for the pictures of the whole screen.
 save : the .blend to write at the end; result : the JSON file to write, {"error": ..., "seen": ...}.
 
-Nothing is called that a mouse can't do: tabs and buttons are found by moving and clicking.
+No operator is called to bake: tabs and buttons are found by moving and clicking.
 """
 
 from __future__ import annotations
@@ -109,6 +110,8 @@ def wait_for_bake(operator: str) -> Iterator[float]:
 
 def steps() -> Iterator[float]:
     """The whole visit."""
+    for name, value in JOB["settings"].items():
+        setattr(bpy.context.scene.radiosity, name, value)
     yield from open_tab(JOB["tab"])
     photograph("1-tab")
     yield from press_button(JOB["operator"])
