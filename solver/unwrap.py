@@ -1,9 +1,11 @@
 """Flatten triangles into charts: the only file that imports xatlas.
 
-1. Triangles are cut into pieces (`solver.pieces`) and every piece is flattened by itself.
+1. Triangles are cut into pieces (`solver.pieces`) and every piece is flattened by itself: a planar one is laid into its
+   plane (`solver.planar`), only curved ones need xatlas.
 2. xatlas stretches each chart to whole texels of the page that it packs on the way; per chart the stretch is measured
    against the mesh and undone, so that charts come out in metres.
-3. A triangle that xatlas lost becomes a chart of its own; charts that waste most of their box are cut.
+3. A triangle that xatlas lost becomes a chart of its own; unevenly stretched charts are cut and flattened again.
+4. Charts that waste most of their box are turned or cut.
 """
 
 from __future__ import annotations
@@ -14,9 +16,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from .charts import Charts, cut_wasteful, straighten, uv_areas
+from .charts import Charts, cut_wasteful, numbered, parts, straighten, unfold, uv_areas
 from .components import components, shared_edges
 from .pieces import halved, pieces
+from .planar import bent, lay_flat
 
 Float = NDArray[np.floating[Any]]
 Int = NDArray[np.integer[Any]]
@@ -34,12 +37,9 @@ STRETCH_LIMIT = 100.0
 # A triangle whose area in its chart is below this part of its area in space was lost in flattening, and becomes a chart
 # of its own.
 LOST = 1e-3
-# A chart is planar if no triangle turns further from its mean normal than this cosine (1.8 degrees): lying in the plane
-# then costs it .05 % of its area at most.
-PLANAR_COSINE = 0.9995
-# A chart whose texel density varies more (`_unevenness`) is cut in two and flattened again, so many times at most.
-UNEVEN = 0.08
-RECUTS = 3
+# A chart whose texel density varies more (`_unevenness`) or whose sides are off by more (`_askew`) is cut in two and
+# flattened again, so many times at most.
+UNEVEN, ASKEW, RECUTS = 0.08, 0.15, 3
 
 
 def flatten(positions: Float, node: Int, progress: Progress | None = None) -> Charts:
@@ -53,16 +53,12 @@ def flatten(positions: Float, node: Int, progress: Progress | None = None) -> Ch
     """
     charts = _flatten_pieces(positions, node, pieces(positions, node), progress)
     for _ in range(RECUTS):
-        uneven = _unevenness(positions, charts) > UNEVEN
+        uneven = (_unevenness(positions, charts) > UNEVEN) | (_askew(positions, charts) > ASKEW)
         again = np.flatnonzero(uneven[charts.chart])
         if not len(again):
             break
         piece = halved(positions.mean(axis=1), charts.chart, uneven)[again]
-        parts = _flatten_pieces(positions[again], node[again], np.unique(piece, return_inverse=True)[1].reshape(-1))
-        uv, chart, corner = charts.uv.copy(), charts.chart.copy(), charts.corner.copy()
-        uv[again], chart[again] = parts.uv, parts.chart + charts.count
-        corner[again] = parts.corner + int(corner.max()) + 1
-        charts = Charts(uv, np.unique(chart, return_inverse=True)[1].reshape(-1), corner)
+        charts = charts.replaced(again, _flatten_pieces(positions[again], node[again], piece))
     return straighten(cut_wasteful(straighten(charts)))
 
 
@@ -76,8 +72,26 @@ def _unevenness(positions: Float, charts: Charts) -> Float:
     return np.asarray(np.sqrt(np.maximum(mean(log * log) - mean(log) ** 2, 0)))
 
 
+def _askew(positions: Float, charts: Charts) -> Float:
+    """(k,) how far sides are from their length in space: the sum of the differences over that of the lengths."""
+    space = np.linalg.norm(np.roll(positions, -1, axis=1) - positions, axis=2)
+    flat = np.linalg.norm(np.roll(charts.uv, -1, axis=1) - charts.uv, axis=2)
+    wrong = np.bincount(charts.chart, np.abs(flat - space).sum(axis=1))
+    return np.asarray(wrong / np.bincount(charts.chart, space.sum(axis=1)))
+
+
 def _flatten_pieces(positions: Float, node: Int, piece: Int, progress: Progress | None = None) -> Charts:
-    """Flatten pieces (t,), numbered 0 ... k - 1, each by itself."""
+    """Flatten pieces (t,), each by itself; only those that are not planar need xatlas."""
+    charts = unfold(Charts(np.zeros((len(positions), 3, 2)), parts(node, piece), node))
+    curved = np.flatnonzero(bent(positions, charts)[charts.chart])
+    if len(curved):
+        piece = numbered(charts.chart[curved])
+        charts = charts.replaced(curved, _flatten_curved(positions[curved], node[curved], piece, progress))
+    return lay_flat(positions, charts)
+
+
+def _flatten_curved(positions: Float, node: Int, piece: Int, progress: Progress | None) -> Charts:
+    """Flatten connected pieces (t,), numbered 0 ... k - 1, with xatlas."""
     order = np.argsort(piece, kind="stable")
     ends = np.append(np.flatnonzero(np.diff(piece[order])), len(order) - 1) + 1
     uv, corner = np.zeros((len(positions), 3, 2)), np.zeros((len(positions), 3), np.int64)
@@ -92,8 +106,7 @@ def _flatten_pieces(positions: Float, node: Int, piece: Int, progress: Progress 
             progress(start / len(order))
     first, second, _, _ = shared_edges(corner)
     chart = components(len(positions), first, second)
-    stretched = _rescue(positions, Charts(_unstretch(positions, uv, chart), chart, corner))
-    return _project_planar(positions, stretched)
+    return _rescue(positions, Charts(_unstretch(positions, uv, chart), chart, corner))
 
 
 def _flatten_batch(positions: Float, node: Int, piece: Int) -> tuple[Float, Int]:
@@ -155,38 +168,7 @@ def _rescue(positions: Float, charts: Charts) -> Charts:
     chart, corner = charts.chart.copy(), charts.corner.copy()
     chart[lost] = chart.max() + 1 + np.arange(count)
     corner[lost] = corner.max() + 1 + np.arange(3 * count).reshape(-1, 3)
-    return Charts(charts.uv, np.unique(chart, return_inverse=True)[1].reshape(-1), corner)
-
-
-def _project_planar(positions: Float, charts: Charts) -> Charts:
-    """Lay charts whose triangles all lie in one plane into that plane, in their true shape.
-
-    Most charts of a building are such; thin ones come out of the draft page askew.
-    """
-    normal = np.cross(positions[:, 1] - positions[:, 0], positions[:, 2] - positions[:, 0])
-    mean = np.stack([np.bincount(charts.chart, normal[:, k], charts.count) for k in range(3)], axis=1)
-    mean = mean / np.maximum(np.linalg.norm(mean, axis=1, keepdims=True), 1e-300)
-    normal /= np.linalg.norm(normal, axis=1, keepdims=True)
-    bent = np.zeros(charts.count, bool)
-    bent[charts.chart[(normal * mean[charts.chart]).sum(axis=1) < PLANAR_COSINE]] = True
-    chosen = np.flatnonzero(~bent[charts.chart])
-    # Two directions in the plane: along any side of a triangle, and square to it.
-    side = np.zeros((charts.count, 3))
-    longest = np.take_along_axis(np.roll(positions, -1, axis=1) - positions,
-                                 ((np.roll(positions, -1, axis=1) - positions) ** 2).sum(axis=2).argmax(axis=1)
-                                 [:, None, None], axis=1)[:, 0]
-    side[charts.chart] = longest
-    side -= (side * mean).sum(axis=1, keepdims=True) * mean
-    side /= np.maximum(np.linalg.norm(side, axis=1, keepdims=True), 1e-300)
-    across = np.cross(mean, side)
-    own = charts.chart[chosen]
-    first = np.zeros((charts.count, 3))
-    first[charts.chart] = positions[:, 0]
-    relative = positions[chosen] - first[own][:, None]
-    uv = charts.uv.copy()
-    uv[chosen] = np.stack([np.einsum("tcx,tx->tc", relative, side[own]),
-                           np.einsum("tcx,tx->tc", relative, across[own])], axis=2)
-    return Charts(uv, charts.chart, charts.corner)
+    return Charts(charts.uv, numbered(chart), corner)
 
 
 def _areas(positions: Float) -> Float:
