@@ -32,6 +32,8 @@ SHIFTS = 16
 LATTICES = ((987, 610), (4181, 2584), (10946, 6765))
 # A standard error below this part of the value is small enough to stop.
 WANTED_RELATIVE_ERROR = 2e-6
+# Scatter below this part of the unoccluded value is rounding: then every point saw all, or none.
+ROUNDING = 1e-13
 # Points handled at once by the exact visibility: a few hundred bytes each, times the pieces.
 CHUNK = 16384
 
@@ -131,9 +133,9 @@ def _lattice_mean(polygon: Float, other: Float, occluders: list[Float], generato
         visible, hidden = _visible_and_hidden(points, unit_normal(polygon), other, occluders)
         sums = [(values * weights).reshape(SHIFTS, count).mean(axis=1) for values in (visible, hidden)]
         error, mean = min(_standard_error_and_mean(sums[0]), _standard_error_and_mean(whole - sums[1]))
-        if 0 < error <= WANTED_RELATIVE_ERROR * mean:
+        if ROUNDING * whole < error <= WANTED_RELATIVE_ERROR * mean:
             break
-    if error == 0:  # every point saw all, or none: what is left is less than a point's share
+    if error <= ROUNDING * whole:  # every point saw all, or none: what is left is less than a point's share
         error = whole / len(points)
     return Estimate(max(mean, 0.0), error)
 

@@ -66,7 +66,7 @@ def polygon_form_factor(points: Float, normals: Float, polygon: Float, sides: Si
     points, normals = _columns(points, shapes), _columns(normals, shapes)
     result = np.empty(points.shape[1], points.dtype)
     for part in _chunks(len(result), CHUNK):
-        result[part] = _sided(_signed(points[:, part], normals[:, part], shapes), sides)
+        result[part] = _form_factor(points[:, part], normals[:, part], shapes, sides)
     return result
 
 
@@ -77,7 +77,7 @@ def paired_form_factor(points: Float, normals: Float, polygons: Float, sides: Si
     result = np.empty(points.shape[1], points.dtype)
     for part in _chunks(len(result), CHUNK):
         pairs = shapes.take(np.arange(part.start, part.stop))
-        result[part] = _sided(_signed(points[:, part], normals[:, part], pairs), sides)
+        result[part] = _form_factor(points[:, part], normals[:, part], pairs, sides)
     return result
 
 
@@ -109,8 +109,8 @@ def polygons_form_factor(
             polygon_of_pair = np.repeat(np.arange(some.start, some.stop), width)
             pairs = shapes.take(polygon_of_pair) if k > 1 else shapes
             repeat = (1, some.stop - some.start)
-            value = _signed(np.tile(points[:, part], repeat), np.tile(normals[:, part], repeat), pairs)
-            result[part] += _sided(value, sides).reshape(-1, width).T @ factors[some]
+            value = _form_factor(np.tile(points[:, part], repeat), np.tile(normals[:, part], repeat), pairs, sides)
+            result[part] += value.reshape(-1, width).T @ factors[some]
     return result if weights is not None else result[:, 0]
 
 
@@ -148,8 +148,8 @@ class _Shapes:
                        self.centre[:, index], self.radius[index], self.areas[:, index])
 
 
-def _signed(points: Float, normals: Float, shapes: _Shapes) -> Float:
-    """Signed form factors (n,) of the elements (3, n) to their polygons."""
+def _form_factor(points: Float, normals: Float, shapes: _Shapes, sides: Sides) -> Float:
+    """Form factors (n,) of the elements (3, n) to their polygons: each by the cheapest method that is exact for it."""
     seen = shapes.corners - points[:, None]
     height = _dot(seen, normals[:, None])
     middle = shapes.centre - points
@@ -159,16 +159,18 @@ def _signed(points: Float, normals: Float, shapes: _Shapes) -> Float:
     above, crossing = lowest >= -tolerance, lowest < -tolerance
     # A point in the polygon's plane that looks straight at it has all corners in its horizon.
     visible = (highest > tolerance) | (above & (_dot(normals, shapes.normal) < 0))
+    if sides == "front":
+        visible &= _dot(middle, shapes.normal) <= tolerance
     far = above & visible & (distance > FAR_RADII[points.dtype.itemsize] * shapes.radius)
     whole, cut = above & visible & ~far, crossing & visible
     result = np.zeros(points.shape[1], points.dtype)
     if whole.all():  # the usual case, without copies
-        return _lambert(seen, normals, shapes, tolerance)
+        return _sided(_lambert(seen, normals, shapes, tolerance), sides)
     for chosen, method in ((far, _area_rule), (whole, _lambert), (cut, _clipped_lambert)):
         index = np.flatnonzero(chosen)
         if len(index):
             result[index] = method(seen[..., index], normals[:, index], shapes.take(index), tolerance[index])
-    return result
+    return _sided(result, sides)
 
 
 def _lambert(seen: Float, normals: Float, shapes: _Shapes, tolerance: Float) -> Float:
