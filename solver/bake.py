@@ -20,6 +20,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from .adaptive import gather_adaptively
 from .audit import Auditor, error_bar
 from .bright import BrightCells
 from .cells import Cells
@@ -129,13 +130,12 @@ class _Work:
         self.transported = self.transport(receivers, places)
         with self.stages("gather"):
             bright = BrightCells(self.transported, self.seen)
-            gather = Gather(self.transported, self.plan.gather_rays, seed, bright, self.plan.bright_rays)
-            first, bounced = gather.light(places, self.run)
+            first, bounced = gather_adaptively(self.transported, places, bright, self.plan, seed, near, self.run)
         with self.stages("direct"):
             sample = receivers.take(np.linspace(0, len(receivers) - 1, min(len(receivers), LEVEL_SAMPLE)).astype(int))
             few = ReceiverFootprints(self.geometry, sample, self.settings.footprint, seed)
             level = float(self.direct.irradiance(few, self.run).mean() + first.mean() + bounced.mean())
-            tolerance = level * self.settings.error * self.plan.direct_share
+            tolerance = level * self.plan.direct_error
             direct = first + self.direct.irradiance(places, self.run, tolerance, neighbours=near)
         with self.stages("audit"):
             self.error = self._audit(places, direct, bounced)

@@ -82,12 +82,13 @@ class Gather:
         self.transport.meet(sides)
         return self.transport.cells.rows(sides)
 
-    def light(self, places: Footprints, run: Run) -> tuple[Float, Float]:
-        """Irradiance from sky and gathered emitters, and from light that surfaces reflect: (n, 3) float32, W/m2."""
+    def light(self, places: Footprints, rows: Int, run: Run) -> tuple[Float, Float]:
+        """Irradiance from sky and gathered emitters, and from light that surfaces reflect, of footprints `rows`: (n, 3)
+        float32 each, W/m2."""
         first, bounced = [], []
-        passes = slices(len(places), max(1, PASS_RAYS // (self.count + self.bright_count)))
+        passes = slices(len(rows), max(1, PASS_RAYS // (self.count + self.bright_count)))
         for number, part in enumerate(passes):
-            pieces = self._map(run, lambda rows: self._trace(places, rows), np.arange(part.start, part.stop))
+            pieces = self._map(run, lambda some: self._trace(places, some), rows[part])
             for bounce in range(MOST_BOUNCES):
                 self._meet([piece.last for piece in pieces])
                 run.map(lambda piece, bounce=bounce: self._go_on(piece, bounce), pieces)  # type: ignore[misc]
