@@ -12,7 +12,7 @@ from .atlas import rounded, unwrap
 from .errors import NothingToBake, SettingsError
 from .receivers import Page
 from .scene import Scene
-from .settings import DEFAULT_PAGE, Settings
+from .settings import DEFAULT_PAGE, MAX_RESOLUTION, Settings
 
 Float = NDArray[np.floating[Any]]
 Warnings = list[dict[str, Any]]
@@ -63,7 +63,7 @@ def make_layout(scene: Scene, settings: Settings, warnings: Warnings, progress: 
     groups: list[list[int]] = []
     if own:
         groups = [[index] for index in own] if settings.atlas != "shared" else [own]
-        sides = [(side, side) for side in _own_sides(scene, settings, groups)]
+        sides = [(side, side) for side in _own_sides(scene, settings, groups, warnings)]
         for page, group in enumerate(groups):
             page_of_surface[group] = page
             for index in group:
@@ -96,7 +96,7 @@ def world_areas(scene: Scene) -> Float:
     return np.asarray(np.linalg.norm(normal, axis=1) / 2)
 
 
-def _own_sides(scene: Scene, settings: Settings, groups: list[list[int]]) -> list[int]:
+def _own_sides(scene: Scene, settings: Settings, groups: list[list[int]], warnings: Warnings) -> list[int]:
     """The side of each image over the user's UV, pixels: density * sqrt(world area / UV area).
 
     Without resolution or density all images together get as many pixels as `max_pages` pages of `DEFAULT_PAGE`.
@@ -114,6 +114,11 @@ def _own_sides(scene: Scene, settings: Settings, groups: list[list[int]]) -> lis
     if density is None:
         budget = settings.max_pages * DEFAULT_PAGE**2
         density = float(np.sqrt(budget / max(float((per_density**2).sum()), 1e-30)))
+    for span, group in zip(per_density, groups, strict=True):
+        if density * span > MAX_RESOLUTION:
+            warnings.append({"object": scene.surfaces[group[0]].name, "code": "density_lowered",
+                             "message": f"would need an image of {density * span:.0f} pixels a side and gets "
+                             f"{MAX_RESOLUTION}: lower texel_density, or give it more of the UV map"})
     return [rounded(density * span) for span in per_density]
 
 

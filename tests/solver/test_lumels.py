@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 from radiosity.solver.errors import NothingToBake, SettingsError
+from radiosity.solver.layout import make_layout
 from radiosity.solver.lumels import lumels
 from radiosity.solver.scene import Scene, Surface
 from radiosity.solver.settings import Settings
@@ -190,3 +191,11 @@ def test_an_unknown_name_or_no_receiver_is_refused():
         of(square_scene(), only=("lamp",))
     with pytest.raises(NothingToBake):
         of(square_scene(receives=False))
+
+
+def test_a_density_that_no_image_can_hold_is_told():
+    # 4 m at 1e4 px/m would be 40,000 pixels: the side is known and the warning says so, before any lumel is made.
+    warnings = []
+    layout = make_layout(square_scene(), Settings(uv_layer="UVMap", texel_density=1e4), warnings)
+    assert layout.pages[0].width == 16384
+    assert [(w["object"], w["code"]) for w in warnings] == [("square", "density_lowered")]

@@ -85,8 +85,8 @@ def test_size_does_not_matter(factor):
 
 
 def test_the_same_scene_gives_the_same_layout():
-    # Two runs on 16,384 triangles: the same bits.
-    scene = scene_of(sphere(64))
+    # Two runs on 6,400 triangles: the same bits.
+    scene = scene_of(sphere(40))
     first, second = laid_out(scene, resolution=256)[0], laid_out(scene, resolution=256)[0]
     assert np.array_equal(first.uv[0], second.uv[0])
     assert np.array_equal(first.pixel, second.pixel)
@@ -290,3 +290,33 @@ def test_a_plane_folded_onto_itself_is_cut():
     result, warnings = laid_out(scene, resolution=128)
     assert warnings == []
     assert texel_areas(scene, result).sum() == pytest.approx(.5 + .4 + .5, rel=.05)
+
+
+def test_without_a_size_a_page_of_1024_is_filled():
+    # Ten cubes of different sizes, no resolution, no density: one page of 1,024 x 1,024, more than .65 of it covered;
+    # with two pages each is used, and the density grows by more than 1.3.
+    scene = scene_of(*[(CUBE_CORNERS * (1 + .1 * k) + 9 * k, CUBE) for k in range(10)])
+    one, _ = laid_out(scene)
+    two, _ = laid_out(scene, max_pages=2)
+    assert [(page.width, page.height) for page in one.pages] == [(1024, 1024)]
+    assert len(one) > .65 * 1024**2
+    assert [(page.width, page.height) for page in two.pages] == [(1024, 1024)] * 2
+    assert texel_areas(scene, one).mean() / texel_areas(scene, two).mean() > 1.3**2
+
+
+def test_a_page_that_nobody_sized_grows_until_its_charts_fit(monkeypatch):
+    # 5,000 loose triangles need 15 texels each with the space between them, 75,000 in all: a default page of 256 x 256
+    # has 65,536, so it becomes 512 x 512, and nearly every triangle has a lumel.
+    monkeypatch.setattr("radiosity.solver.atlas.DEFAULT_PAGE", 256)
+    random = np.random.default_rng(1)
+    vertices = (random.uniform(0, 10, (5000, 1, 3)) + random.normal(0, .1, (5000, 3, 3))).reshape(-1, 3)
+    result, _ = laid_out(scene_of((vertices, np.arange(15000).reshape(-1, 3))))
+    assert [(page.width, page.height) for page in result.pages] == [(512, 512)]
+    assert len(np.unique(result.receivers.triangle)) > 4990
+
+
+def test_own_pages_share_the_default_budget():
+    # Three cubes, an image each, no size asked for: together about one page of 1,024 x 1,024.
+    scene = scene_of(*[(CUBE_CORNERS * (1 + k) + 9 * k, CUBE) for k in range(3)])
+    result, _ = laid_out(scene, atlas="object")
+    assert sum(page.width * page.height for page in result.pages) == pytest.approx(1024**2, rel=.15)
