@@ -61,7 +61,7 @@ def main(arguments: list[str]) -> int:
     with tempfile.TemporaryDirectory(prefix="radiosity-python313-") as folder:
         command = real_blender.blender_command(
             ["-m", "pytest", "-p", "no:cacheprovider", "--rootdir", str(ROOT), "-c", str(ROOT / "pyproject.toml"),
-             *(arguments or ["tests/solver"])],
+             "tests/solver", *arguments],
             program=("env", f"--chdir={ROOT}", "python3"),
         )
         extra = {"PYTHONPATH": f"{PACKAGES}:{LINK.parent}", "PYTHONDONTWRITEBYTECODE": "1"}
