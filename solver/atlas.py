@@ -25,7 +25,7 @@ Progress = Callable[[float], None]
 # Two is the least that bilinear filtering can't see across.
 LEAST_PADDING, MOST_PADDING, PADDING_PART = 2, 8, 256
 # Where the wider padding would take this part of a page, the least is used instead.
-PADDING_TOO_MUCH = 1 / 3
+PADDING_TOO_MUCH = 0.25
 # With a texel density, one more page is begun where this side would be exceeded, pixels.
 PAGE_LIMIT = 4096
 # Smallest side of a page whose size is chosen by density, and what every such side is a multiple of, pixels.
