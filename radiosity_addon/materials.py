@@ -38,8 +38,8 @@ class Shading:
 
     @property
     def passes_light(self) -> bool:
-        """Whether the surface is left out, so that light goes through."""
-        return self.transmittance > PASSES_LIGHT
+        """Whether the surface is left out, so that light goes through; one that shines stays for its light's sake."""
+        return self.transmittance > PASSES_LIGHT and self.emission.is_black
 
 
 DEFAULT = Shading(Colour((DEFAULT_GREY,) * 3))

@@ -93,15 +93,18 @@ class Reader:
                 inside = next((inner for inner in outputs if inner.is_active_output), None)
                 if inside is None:
                     return None
-                socket = inside.inputs[output.name]
-            elif node.bl_idname == "NodeGroupInput" and self._groups:
-                outer = self._groups[-1].inputs[output.name]
-                if not outer.is_linked:
-                    return outer
-                socket = outer
+                socket = _same(inside.inputs, output)
+            elif node.bl_idname == "NodeGroupInput" and (group := self._group_of(node)) is not None:
+                socket = _same(group.inputs, output)
+                if not socket.is_linked:
+                    return socket
             else:
                 return output
         return None
+
+    def _group_of(self, node: Any) -> Any:
+        """The group node, entered last, whose tree a node lies in."""
+        return next((group for group in reversed(self._groups) if group.node_tree == node.id_data), None)
 
     def number(self, socket: Any) -> float:
         """The value of a number socket; one fed by other nodes than a plain value counts by its own setting."""
@@ -124,6 +127,8 @@ class Reader:
         node = source.node
         if node.bl_idname == "ShaderNodeTexImage" and source.name == "Color" and node.image is not None:
             return self._image(node)
+        if node.bl_idname in {"ShaderNodeMix", "ShaderNodeMixRGB"} and (mixed := self._mix(node)) is not None:
+            return mixed
         if node.bl_idname == "ShaderNodeBlackbody":
             self.warn("its blackbody colour is not evaluated: white is used")
             return Colour((1.0, 1.0, 1.0))
@@ -141,6 +146,28 @@ class Reader:
             return second if first.is_black else first
         self.warn("adds an image to another colour: the brighter one alone is used")
         return first if luminance(first) >= luminance(second) else second
+
+    def _mix(self, node: Any) -> Colour | None:
+        """The colour of a Mix node with a plain factor, where it is flat or one image times a colour; else None.
+
+        Blender's definitions: mix (1 - f) a + f b, multiply (1 - f) a + f a b, add a + f b.
+        """
+        if node.bl_idname == "ShaderNodeMix" and node.data_type != "RGBA":
+            return None
+        inputs = [socket for socket in node.inputs if socket.enabled]
+        if len(inputs) != 3 or node.blend_type not in {"MIX", "MULTIPLY", "ADD"} or self.source(inputs[0]) is not None:
+            return None
+        f = min(max(self.number(inputs[0]), 0.0), 1.0)
+        a, b = self.colour(inputs[1]), self.colour(inputs[2])
+        if node.blend_type != "MULTIPLY":
+            return self.sum(a.scaled(1 - f) if node.blend_type == "MIX" else a, b.scaled(f))
+        if b.image is None:
+            r, g, blue = (x * (1 - f + f * y) for x, y in zip(a.factor, b.factor, strict=True))
+            return Colour((r, g, blue), a.image)
+        if a.image is None and f == 1:
+            r, g, blue = (x * y for x, y in zip(a.factor, b.factor, strict=True))
+            return Colour((r, g, blue), b.image)
+        return None
 
     def _image(self, node: Any) -> Colour:
         if node.projection != "FLAT":
@@ -189,6 +216,11 @@ class Reader:
         elif node.vector_type != "POINT":
             offset = np.zeros(2)
         return np.column_stack([linear, offset])
+
+
+def _same(sockets: Any, socket: Any) -> Any:
+    """The socket of a group's other side that belongs to this one."""
+    return next(other for other in sockets if other.identifier == socket.identifier)
 
 
 def _triple(value: Any) -> Triple:

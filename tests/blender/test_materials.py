@@ -159,6 +159,64 @@ def test_glass_is_left_out_and_said_so(build):
     assert {entry["object"] for entry in warnings} == {"Glass", "Pane"}
 
 
+def test_a_lamp_of_glass_keeps_its_light(build):
+    # Clear and shining. Exact answer: it stays in the scene and shines.
+    build.mesh("Bulb", material=build.material("Bulb", (1, 1, 1), Transmission_Weight=1.0, Emission_Strength=2.0,
+                                               Emission_Color=(1, 1, 1, 1)))
+    assert np.allclose(export([]).emission, 2 * np.pi)
+
+
+def test_an_image_times_a_colour_is_read_through_the_mix_node(build):
+    # An image of .5 multiplied by (.2, .4, .8), as glTF imports have it. Exact answer: (.1, .2, .4).
+    build.sun()
+    material = build.textured("Tinted", build.image("Half", np.full((4, 4, 4), 0.5), is_float=True))
+    tree = material.node_tree
+    image = next(node for node in tree.nodes if node.bl_idname == "ShaderNodeTexImage")
+    mix = tree.nodes.new("ShaderNodeMix")
+    mix.data_type, mix.blend_type = "RGBA", "MULTIPLY"
+    factor, a, b = (socket for socket in mix.inputs if socket.enabled)
+    factor.default_value, b.default_value = 1.0, (0.2, 0.4, 0.8, 1)
+    tree.links.new(image.outputs["Color"], a)
+    result = next(socket for socket in mix.outputs if socket.enabled)
+    tree.links.new(result, build.shader(material).inputs["Base Color"])
+    unwrap_square(build.mesh("Square", material=material))
+    warnings: list[dict[str, Any]] = []
+    scene = export(warnings)
+    assert Geometry(scene).reflectance(*hit(scene, 0.3, 0.6))[0] == pytest.approx([0.1, 0.2, 0.4], abs=1e-4)
+    assert warnings == []
+
+
+def test_a_group_of_nodes_is_looked_into(build):
+    # A diffuse shader inside a group, its colour handed in. Exact answer: the colour on the group node.
+    build.sun()
+    group = bpy.data.node_groups.new("Paint", "ShaderNodeTree")
+    group.interface.new_socket("Tint", in_out="INPUT", socket_type="NodeSocketColor")
+    group.interface.new_socket("Surface", in_out="OUTPUT", socket_type="NodeSocketShader")
+    kinds = ("NodeGroupInput", "NodeGroupOutput", "ShaderNodeBsdfDiffuse")
+    begin, end, diffuse = (group.nodes.new(kind) for kind in kinds)
+    group.links.new(begin.outputs["Tint"], diffuse.inputs["Color"])
+    group.links.new(diffuse.outputs[0], end.inputs["Surface"])
+    material = build.material("Grouped", (1, 1, 1))
+    node = material.node_tree.nodes.new("ShaderNodeGroup")
+    node.node_tree = group
+    node.inputs["Tint"].default_value = (0.1, 0.3, 0.5, 1)
+    material.node_tree.links.new(node.outputs[0], material.node_tree.get_output_node("CYCLES").inputs["Surface"])
+    build.mesh("Square", material=material)
+    assert np.allclose(export([]).reflectance, (0.1, 0.3, 0.5))
+
+
+def test_nodes_that_are_not_evaluated_are_told_with_the_value_used(build):
+    # A base colour driven by a noise texture. Exact answer: the socket's own colour, and a line for the material.
+    build.sun()
+    material = build.material("Marble", (0.3, 0.3, 0.3))
+    noise = material.node_tree.nodes.new("ShaderNodeTexNoise")
+    material.node_tree.links.new(noise.outputs["Color"], build.shader(material).inputs["Base Color"])
+    build.mesh("Square", material=material)
+    warnings: list[dict[str, Any]] = []
+    assert np.allclose(export(warnings).reflectance, 0.3)
+    assert [(entry["object"], entry["code"]) for entry in warnings] == [("Marble", "material")]
+
+
 def test_a_plain_world_is_a_constant_sky(build):
     world = build.world((0.1, 0.2, 0.4))
     assert np.allclose(read_world(world, []).radiance, (0.1, 0.2, 0.4))
