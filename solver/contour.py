@@ -23,7 +23,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from .convex_pieces import unit_normal
+from .convex_pieces import plane_tolerance, unit_normal
 from .polygon import polygon_form_factor
 
 Float = NDArray[np.floating[Any]]
@@ -38,8 +38,6 @@ STEP, REACH = 0.0625, 3.2
 # Edges whose middles are further apart than this many of the longer one's lengths get Gauss nodes, which then converge
 # like 5.8^(-2 n): round outlines have thousands of such pairs.
 APART, APART_NODES = 2.0, 10
-# Corners nearer to a plane than this, relative to the size of the pair, lie in it.
-PLANE_TOLERANCE = 1e-14
 
 
 def convex_form_factor(a: Float, b: Float) -> float:
@@ -61,8 +59,7 @@ def clip_to_front(polygon: Float, other: Float) -> Float:
     """The part (m, 3) of a convex polygon before the front of another one's plane; (0, 3) if there is none."""
     normal = unit_normal(other)
     height = (polygon - other[0]) @ normal
-    size = np.abs(polygon - other[0]).max() + np.abs(other - other[0]).max()
-    height[np.abs(height) <= PLANE_TOLERANCE * size] = 0
+    height[np.abs(height) <= plane_tolerance(polygon, other)] = 0
     if height.max() <= 0:
         return np.empty((0, 3))
     next_height, following = np.roll(height, -1), np.roll(polygon, -1, axis=0)

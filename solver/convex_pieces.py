@@ -19,6 +19,10 @@ PLANARITY = 1e-5
 SAME_POINT = 1e-12
 # Least area, relative to the square of the size: a needle of 1 : 10,000,000 is still a polygon.
 LEAST_AREA = 1e-9
+# A corner nearer to a plane than this part of the size of what is looked at lies in it; and as far off as this many
+# rounding errors of the largest coordinate.
+IN_PLANE = 1e-13
+COORDINATE_ROUNDING = 32.0
 # Sine of an angle that still counts as straight.
 STRAIGHT = 1e-9
 
@@ -54,6 +58,17 @@ def unit_normal(polygon: Float) -> Float:
     fan = polygon[1:] - polygon[0]
     area = np.cross(fan[:-1], fan[1:]).sum(axis=0)
     return np.asarray(area / np.linalg.norm(area))
+
+
+def plane_tolerance(*corners: Float) -> float:
+    """Metres within which a corner lies in a plane: what is lost to rounding, in the geometry and in the coordinates.
+
+    Surfaces that touch or coincide are common in scenes; far from the origin their corners differ by the coordinates'
+    last digits, and would shadow one another.
+    """
+    largest = max(float(np.abs(c).max()) for c in corners)
+    low, high = np.min([c.min(axis=0) for c in corners], axis=0), np.max([c.max(axis=0) for c in corners], axis=0)
+    return IN_PLANE * float((high - low).max()) + COORDINATE_ROUNDING * float(np.finfo(np.float64).eps) * largest
 
 
 def _checked(polygon: ArrayLike, name: str) -> Float:

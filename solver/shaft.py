@@ -11,19 +11,16 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from .convex_pieces import unit_normal
+from .convex_pieces import plane_tolerance, unit_normal
 
 Float = NDArray[np.floating[Any]]
-
-# Corners nearer to a plane than this, relative to the size of the three polygons, lie in it.
-ON_PLANE = 1e-12
 
 
 def blocking(a: Float, b: Float, occluder: Float) -> Literal["none", "part", "all"]:
     """How much of the lines between two convex polygons a convex occluder cuts; "part" also if that isn't clear."""
-    size = float(np.ptp(np.concatenate([a, b, occluder]), axis=0).max())
+    tolerance = plane_tolerance(a, b, occluder)
     normal = unit_normal(occluder)
-    height_a, height_b = (_snapped((p - occluder[0]) @ normal, size) for p in (a, b))
+    height_a, height_b = (_snapped((p - occluder[0]) @ normal, tolerance) for p in (a, b))
     heights = np.concatenate([height_a, height_b])
     if heights.min() >= 0 or heights.max() <= 0 or _apart(a, b, occluder):
         return "none"
@@ -33,7 +30,7 @@ def blocking(a: Float, b: Float, occluder: Float) -> Literal["none", "part", "al
     crossings = (a[:, None] + fraction[..., None] * (b - a[:, None])).reshape(-1, 3)
     inward = np.cross(normal, np.roll(occluder, -1, axis=0) - occluder)
     inward /= np.linalg.norm(inward, axis=1)[:, None]
-    depth = _snapped(np.einsum("pek,ek->pe", crossings[:, None] - occluder, inward), size)
+    depth = _snapped(np.einsum("pek,ek->pe", crossings[:, None] - occluder, inward), tolerance)
     if (depth <= 0).all(axis=0).any():
         return "none"
     return "all" if (depth >= 0).all() else "part"
@@ -45,5 +42,5 @@ def _apart(a: Float, b: Float, occluder: Float) -> bool:
     return bool((both.max(axis=0) <= occluder.min(axis=0)).any() or (both.min(axis=0) >= occluder.max(axis=0)).any())
 
 
-def _snapped(height: Float, size: float) -> Float:
-    return np.where(np.abs(height) <= ON_PLANE * size, 0, height)
+def _snapped(height: Float, tolerance: float) -> Float:
+    return np.where(np.abs(height) <= tolerance, 0, height)

@@ -19,15 +19,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from .convex_pieces import unit_normal
+from .convex_pieces import plane_tolerance, unit_normal
 from .polygon import lambert_sum, paired_form_factor
 
 Float = NDArray[np.floating[Any]]
 
-# A corner nearer than this to a cutting plane, relative to the size of the piece, lies in it.
+# A corner nearer than this to a cutting plane through a point, relative to the size of the piece, lies in it.
 ON_PLANE = 1e-13
-# A polygon seen edge-on this closely (distance of its plane over its distance) blocks nothing.
-EDGE_ON = 1e-12
 # Corners times planes worked on at once: 8 bytes each, half a dozen arrays of them.
 HEIGHTS_AT_ONCE = 2**19
 
@@ -56,7 +54,8 @@ def visible_form_factor(points: Float, normals: Float, polygon: Float, occluders
     pieces = pieces.take(np.flatnonzero(_plane_distance(pieces.corners) < 0))
     above, index = _clip(pieces.corners, np.einsum("kmi,ki->km", pieces.corners, normals[pieces.owner]))
     pieces = _Pieces(above, pieces.owner[index])
-    target = _Target(points, polygon[0], unit_normal(polygon))
+    tolerance = plane_tolerance(points, polygon, *occluders)
+    target = _Target(points, polygon[0], unit_normal(polygon), tolerance)
     ordered = sorted(occluders, key=len)  # the one with the most corners last: it isn't cut with
     for occluder in ordered[:-1]:
         pieces = _without(pieces, target, occluder)
@@ -68,11 +67,13 @@ def visible_form_factor(points: Float, normals: Float, polygon: Float, occluders
 
 @dataclass(frozen=True)
 class _Target:
-    """Whence and whereto: points (n, 3); a corner and the normal of the polygon that they look at."""
+    """Whence and whereto: points (n, 3); a corner and the normal of the polygon that they look at; and within how many
+    metres something lies in a plane."""
 
     points: Float
     corner: Float
     normal: Float
+    tolerance: float
 
 
 def _cone(pieces: _Pieces, target: _Target, occluder: Float) -> tuple[Float, NDArray[np.bool_]]:
@@ -82,15 +83,14 @@ def _cone(pieces: _Pieces, target: _Target, occluder: Float) -> tuple[Float, NDA
     and whether it hides anything at all (k,), which it doesn't if seen edge-on.
     """
     height = (occluder - target.corner) @ target.normal
-    size = np.abs(occluder - target.corner).max() + np.abs(target.points - target.corner).max()
-    height[np.abs(height) <= ON_PLANE * size] = 0
+    height[np.abs(height) <= target.tolerance] = 0
     nearer = _clip(occluder[None], height[None])[0]
     if not len(nearer):
         return np.empty((len(pieces.owner), 0, 3)), np.zeros(len(pieces.owner), bool)
     seen = nearer[0] - target.points[pieces.owner][:, None]
     distance = _plane_distance(seen)
     seen[distance < 0] = seen[distance < 0][:, ::-1]
-    return seen, np.abs(distance) > EDGE_ON * np.abs(seen).max(axis=(1, 2))
+    return seen, np.abs(distance) > target.tolerance
 
 
 def _without(pieces: _Pieces, target: _Target, occluder: Float) -> _Pieces:

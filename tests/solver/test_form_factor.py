@@ -97,12 +97,12 @@ def test_walls_of_a_tetrahedron_get_a_third_each(validation):
     faces = [corners[list(face)] for face in ((0, 1, 2), (0, 3, 1), (0, 2, 3), (1, 3, 2))]
     inward = [f if np.cross(f[1] - f[0], f[2] - f[0]) @ f.mean(axis=0) < 0 else f[::-1] for f in faces]
     for k, face in enumerate(inward[1:], 2):
-        validation("P-23", f"tetrahedron, wall 1 to wall {k}", 1 / 3, form_factor(inward[0], face).value, relative=1e-11)
+        value = form_factor(inward[0], face).value
+        validation("P-23", f"tetrahedron, wall 1 to wall {k}", 1 / 3, value, relative=1e-11)
 
 
 def test_row_of_an_l_shaped_room(validation):
-    # P-28 (Pinney and Bean's test 4): View3D's digits, whose row sums to 1.000004; ours to 1. Floor and ceiling are one
-    # L each, the inner corner shadows.
+    # P-28 (Pinney and Bean's test 4): View3D's digits, whose row sums to 1.000004; ours to 1. The inner corner shadows.
     def wall(x0, y0, x1, y1):
         return np.array([[x0, y0, 0], [x0, y0, 3], [x1, y1, 3], [x1, y1, 0]], float)
 
@@ -370,6 +370,44 @@ def test_occluder_out_of_the_way_leaves_the_exact_answer(occluder):
     estimate = form_factor(UNIT, CEILING, [occluder])
     assert estimate.value == pytest.approx(BY_NAME["P-01"].exact, rel=1e-12)
     assert estimate.standard_error == 0
+
+
+def turned(rng, shift, scale):
+    """A rotation, a shift of so many sizes and a scale, for polygons."""
+    turn = np.linalg.qr(rng.normal(size=(3, 3)))[0]
+    turn *= np.linalg.det(turn)
+    move = rng.normal(size=3) * shift
+    return lambda polygon: (polygon @ turn.T + move) * scale
+
+
+@pytest.mark.parametrize("shift", [0.0, 1e2, 1e5])
+def test_surfaces_that_touch_or_coincide_do_not_shadow_one_another_far_from_the_origin(shift):
+    # P-05, given both polygons and a neighbour in a's plane as occluders: none is in the way, though the coordinates'
+    # last digits say so. Coplanar neighbours see nothing of each other.
+    rng = np.random.default_rng(10)
+    for scale in (1e-3, 1, 1e3):
+        place = turned(rng, shift, scale)
+        a, b, neighbour = place(UNIT), place(wing(90)), place(level(1, 2, 0, 1, 0))
+        estimate = form_factor(a, b, [a, b, neighbour])
+        assert estimate.standard_error == 0
+        assert estimate.value == pytest.approx(BY_NAME["P-05"].exact, rel=1e-9)
+        assert form_factor(a, neighbour).value == 0
+        centre, up = a.mean(axis=0), np.cross(a[1] - a[0], a[2] - a[1])
+        free = element_form_factor(centre, up, b)
+        assert element_form_factor(centre, up, b, [a, b, neighbour]).value == pytest.approx(free.value, rel=1e-9)
+
+
+def test_walls_of_any_tetrahedron_fill_each_others_view():
+    # 30 random tetrahedra, flat and pointed ones too: every row sums to 1.
+    rng = np.random.default_rng(11)
+    for _ in range(30):
+        corners = rng.normal(size=(4, 3)) * 10 ** rng.uniform(-1, 1, (4, 1))
+        faces = [corners[list(face)] for face in ((0, 1, 2), (0, 3, 1), (0, 2, 3), (1, 3, 2))]
+        middle = corners.mean(axis=0)
+        inward = [f if np.cross(f[1] - f[0], f[2] - f[0]) @ (middle - f[0]) > 0 else f[::-1] for f in faces]
+        for face in inward:
+            total = sum(form_factor(face, other).value for other in inward if other is not face)
+            assert total == pytest.approx(1, abs=1e-11)
 
 
 def test_overlapping_occluders_shadow_once():

@@ -228,6 +228,21 @@ def test_agrees_with_summing_over_the_area(corners):
     np.testing.assert_allclose(polygon_form_factor(points, normals, polygon, "signed"), total, atol=5e-4)
 
 
+@pytest.mark.parametrize("dtype", TYPES)
+def test_nothing_is_ever_negative_above_one_or_not_a_number(dtype):
+    # Points, normals and corners on a coarse grid: in planes, on edges, on corners, along horizons; also polygons
+    # without area.
+    rng = np.random.default_rng(12)
+    points, normals = rng.integers(-2, 3, (20_000, 3)), rng.integers(-1, 2, (20_000, 3))
+    normals[~normals.any(axis=1)] = (0, 0, 1)
+    flat = np.array([[0, 0, 0], [1, 0, 0], [2, 0, 0]], float)
+    for polygon in (level(-1, 1, -1, 1, 0), disc(1, 0, 7), disc(1, 0, 3), flat, np.zeros((3, 3))):
+        values = polygon_form_factor(points.astype(dtype), unit(normals).astype(dtype), polygon)
+        assert np.isfinite(values).all()
+        assert values.min() >= 0
+        assert values.max() <= 1 + FEW * eps(dtype)
+
+
 def test_float32_agrees_with_float64_to_its_own_digits():
     # 100,000 pairs around a unit square, the nearest a millimetre off: no value is off by more than 2e-5.
     rng = np.random.default_rng(6)
