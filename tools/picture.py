@@ -107,7 +107,8 @@ def show_baked(report: dict[str, Any], folder: Path) -> None:
             material = slot.material.copy() if slot.material else bpy.data.materials.new("Grey")
             slot.link = "OBJECT"
             slot.material = material
-            material.use_nodes = True
+            if material.node_tree is None:
+                material.use_nodes = True
             emit_instead(material.node_tree, output, folder, quantity)
 
 
