@@ -17,8 +17,8 @@ def uses_nodes(data: Any) -> bool:
 def make_equirectangular(camera: Any) -> None:
     """Turn a camera (datablock) into a full panorama, as longitude and latitude."""
     camera.type = "PANO"
-    # Cycles' own settings of a camera became Blender's in 5.0.
-    panorama = camera if bpy.app.version >= (5, 0, 0) else camera.cycles
+    # Cycles' own settings of a panorama became Blender's in 4.3.
+    panorama = camera if bpy.app.version >= (4, 3, 0) else camera.cycles
     panorama.panorama_type = "EQUIRECTANGULAR"
 
 
