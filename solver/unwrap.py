@@ -40,6 +40,9 @@ LOST = 1e-3
 # A chart whose texel density varies more (`_unevenness`) or whose sides are off by more (`_askew`) is cut in two and
 # flattened again, so many times at most.
 UNEVEN, ASKEW, RECUTS = 0.08, 0.15, 3
+# Uneven charts smaller than this part of all area stay as they are: twenty lumels on a page of a million, and two more
+# borders would cost as many.
+WORTH = 2e-5
 
 
 def flatten(positions: Float, node: Int, progress: Progress | None = None) -> Charts:
@@ -53,7 +56,9 @@ def flatten(positions: Float, node: Int, progress: Progress | None = None) -> Ch
     """
     charts = _flatten_pieces(positions, node, pieces(positions, node), progress)
     for _ in range(RECUTS):
-        uneven = (_unevenness(positions, charts) > UNEVEN) | (_askew(positions, charts) > ASKEW)
+        area = np.bincount(charts.chart, _areas(positions))
+        uneven = (_unevenness(positions, charts) > UNEVEN) & (area > WORTH * area.sum())
+        uneven |= _askew(positions, charts) > ASKEW
         again = np.flatnonzero(uneven[charts.chart])
         if not len(again):
             break
