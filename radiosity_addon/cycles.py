@@ -5,6 +5,8 @@ The only file that calls `bpy.ops.render`.
 
 from __future__ import annotations
 
+import os
+import sys
 import tempfile
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
@@ -43,7 +45,7 @@ def render_world(world: Any) -> Float:
     with tempfile.TemporaryDirectory(prefix="radiosity-world-") as folder, _world_scene(world) as scene:
         path = Path(folder) / "world.exr"
         scene.render.filepath = str(path)
-        with _render_result_kept():
+        with _render_result_kept(), _quiet():
             bpy.ops.render.render(write_still=True, scene=scene.name)
         if not path.is_file():
             raise SceneError(f"world {world.name!r} could not be rendered by Cycles: simplify its node tree")
@@ -149,6 +151,25 @@ def _set_up_render(scene: Any) -> None:
     settings.use_denoising = False
     settings.sample_clamp_direct = settings.sample_clamp_indirect = 0.0
     settings.pixel_filter_type = "BOX"
+
+
+@contextmanager
+def _quiet() -> Iterator[None]:
+    """Keep a render's own lines off the terminal, where the bake's progress stands; errors still show."""
+    try:
+        sys.stdout.flush()
+        kept = os.dup(1)
+    except (OSError, AttributeError):
+        yield  # a window without a terminal
+        return
+    nowhere = os.open(os.devnull, os.O_WRONLY)
+    try:
+        os.dup2(nowhere, 1)
+        yield
+    finally:
+        os.dup2(kept, 1)
+        os.close(kept)
+        os.close(nowhere)
 
 
 @contextmanager
