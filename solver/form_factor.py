@@ -83,7 +83,8 @@ def element_form_factor(
     Parameters
     ----------
     point, normal : (3,), metres; the normal need not have unit length.
-    polygon : (n, 3) corners, metres; planar, simple, outward by the right-hand rule; seen from its front only.
+    polygon : (n, 3) corners, metres; planar, simple. What counts is what the element sees of it, be it the front or
+        the back: the catalogues' configuration factors know no sides (`solver.polygon` has the one-sided one).
     occluders : (n, 3) polygons that block from both sides.
 
     Raises
@@ -97,6 +98,8 @@ def element_form_factor(
         raise SceneError("normal is [0, 0, 0]: give a direction")
     blockers = _occluder_pieces(occluders)
     pieces = convex_pieces(polygon, "polygon")
+    if (points[0] - pieces[0][0]) @ unit_normal(pieces[0]) < 0:
+        pieces = [piece[::-1] for piece in pieces]
     return Estimate(float(sum(visible_form_factor(points, normals / length, p, blockers)[0] for p in pieces)))
 
 

@@ -138,7 +138,7 @@ def test_rows_of_a_box_sum_to_one():
 
 @pytest.mark.parametrize(("case", "about", "polygon", "exact"), [
     ("P-17", "element, triangle through the horizon",
-     [[0.25, 0.2, 1.5], [1, 1, -0.25], [0.5, -1, -0.5]], 0.2278886058235),
+     [[0.5, -1, -0.5], [1, 1, -0.25], [0.25, 0.2, 1.5]], 0.2278886058235),
     ("P-18a", "element, square overhead", facing_down(0, 0.5, 0, 0.5, 1), 0.05986411761519),
     ("P-18b", "element, rectangle overhead", facing_down(0, 2, 0, 3, 1), 0.2175752061078),
     ("P-19a", "element, upright square", upright(0, 1, 0, 1, 1)[::-1], 0.05573419700255),
@@ -148,6 +148,7 @@ def test_element_to_polygon_agrees_with_the_catalogue(case, about, polygon, exac
     estimate = element_form_factor(ORIGIN, UP, polygon)
     assert estimate.standard_error == 0
     validation(case, about, exact, estimate.value, relative=1e-12)
+    assert element_form_factor(ORIGIN, UP, polygon[::-1]).value == pytest.approx(exact, rel=1e-12)
 
 
 @pytest.mark.parametrize(("case", "radius", "height", "offset", "exact"), [
@@ -271,7 +272,15 @@ def test_planes_that_cut_both_polygons_clip_both(validation):
 def test_backs_see_nothing():
     assert form_factor(UNIT[::-1], CEILING).value == 0
     assert form_factor(UNIT, CEILING[::-1]).value == 0
-    assert element_form_factor(ORIGIN, UP, CEILING[::-1]).value == 0
+    assert element_form_factor(ORIGIN, -UP, CEILING).value == 0
+
+
+def test_element_sees_a_polygon_from_either_side_past_occluders():
+    # P-27 at x = .25 with the source turned over: .1611880253512.
+    source, edge = facing_down(-1, 1, -1, 1, 2), level(-50, 0, -50, 50, 1)
+    for polygon in (source, source[::-1]):
+        value = element_form_factor((0.25, 0, 0), UP, polygon, [edge]).value
+        assert value == pytest.approx(0.1611880253512, rel=1e-10)
 
 
 def test_coplanar_polygons_see_nothing():
