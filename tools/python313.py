@@ -11,12 +11,7 @@ import sys
 import tempfile
 from pathlib import Path
 
-if __package__:
-    from . import real_blender, wheels
-else:
-    import real_blender
-
-    import wheels
+from radiosity.tools import real_blender, wheels
 
 ROOT = Path(__file__).resolve().parents[1]
 PACKAGES = ROOT / "build" / "python313"
