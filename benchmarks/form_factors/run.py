@@ -1,6 +1,6 @@
 """Measure every method on every case: error against seconds and evaluations, as CSV.
 
-    python -m benchmarks.form_factors.run [--output out/form_factors.csv] [--most 65536]
+    python -m radiosity.benchmarks.form_factors.run [--output out/form_factors.csv] [--most 65536]
 
 Columns: case, method, samples (pairs of patches, logarithms, pixels or rays asked for), value, relative_error (RMS over
 seeds where the method is random), seconds (of one call, the best of the calls).

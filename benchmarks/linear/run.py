@@ -1,6 +1,6 @@
 """Measure every solver on both systems: products and seconds to a tolerance, against the reflectance, as CSV.
 
-    python -m benchmarks.linear.run [--output out/linear.csv] [--side 8] [--cap 1000]
+    python -m radiosity.benchmarks.linear.run [--output out/linear.csv] [--side 8] [--cap 1000]
 
 Columns: system, patches, reflectance, solver, products, seconds, residual (at the end), error (max|B - B_exact| over
 max B_exact).

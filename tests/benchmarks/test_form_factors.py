@@ -7,12 +7,19 @@ import inspect
 
 import numpy as np
 import pytest
-
-from benchmarks.form_factors import centroid, disc_to_point, double_contour, exact, hemicube, monte_carlo_rays, qmc_rays
-from benchmarks.form_factors.cases import BY_NAME, OCCLUDED, UNIT, UNOCCLUDED, facing_down, level
-from benchmarks.form_factors.methods import METHODS, NO_OCCLUDERS, RANDOM
-from benchmarks.form_factors.polygons import blocked
-from benchmarks.form_factors.run import COLUMNS, write
+from radiosity.benchmarks.form_factors import (
+    centroid,
+    disc_to_point,
+    double_contour,
+    exact,
+    hemicube,
+    monte_carlo_rays,
+    qmc_rays,
+)
+from radiosity.benchmarks.form_factors.cases import BY_NAME, OCCLUDED, UNIT, UNOCCLUDED, facing_down, level
+from radiosity.benchmarks.form_factors.methods import METHODS, NO_OCCLUDERS, RANDOM
+from radiosity.benchmarks.form_factors.polygons import blocked
+from radiosity.benchmarks.form_factors.run import COLUMNS, write
 
 P01, P03, P05 = (BY_NAME[name] for name in ("P-01", "P-03", "P-05"))
 

@@ -7,13 +7,12 @@ import inspect
 
 import numpy as np
 import pytest
+from radiosity.benchmarks.form_factors.cases import level, upright
+from radiosity.benchmarks.linear import chebyshev
+from radiosity.benchmarks.linear.methods import SOLVERS
+from radiosity.benchmarks.linear.run import COLUMNS, write
+from radiosity.benchmarks.linear.systems import System, cube, cube_form_factors, two_rooms, uneven_cube
 from radiosity.solver.contour import convex_form_factor
-
-from benchmarks.form_factors.cases import level, upright
-from benchmarks.linear import chebyshev
-from benchmarks.linear.methods import SOLVERS
-from benchmarks.linear.run import COLUMNS, write
-from benchmarks.linear.systems import System, cube, cube_form_factors, two_rooms, uneven_cube
 
 TOLERANCE = 1e-4
 SIDE = 6

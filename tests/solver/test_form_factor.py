@@ -6,13 +6,7 @@ from itertools import pairwise
 
 import numpy as np
 import pytest
-from radiosity.solver.contour import convex_form_factor
-from radiosity.solver.convex_pieces import convex_pieces
-from radiosity.solver.errors import SceneError
-from radiosity.solver.form_factor import element_form_factor, form_factor
-from radiosity.solver.polygon import polygon_form_factor
-
-from benchmarks.form_factors.cases import (
+from radiosity.benchmarks.form_factors.cases import (
     BY_NAME,
     CEILING,
     OCCLUDED,
@@ -24,6 +18,11 @@ from benchmarks.form_factors.cases import (
     upright,
     wing,
 )
+from radiosity.solver.contour import convex_form_factor
+from radiosity.solver.convex_pieces import convex_pieces
+from radiosity.solver.errors import SceneError
+from radiosity.solver.form_factor import element_form_factor, form_factor
+from radiosity.solver.polygon import polygon_form_factor
 
 UP = np.array([0.0, 0.0, 1.0])
 ORIGIN = np.zeros(3)

@@ -4,9 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from radiosity.benchmarks.form_factors.cases import disc, facing_down, level, upright
 from radiosity.solver.polygon import FAR_RADII, paired_form_factor, polygon_form_factor, polygons_form_factor
-
-from benchmarks.form_factors.cases import disc, facing_down, level, upright
 
 UP = np.array([[0.0, 0.0, 1.0]])
 TYPES = [np.float32, np.float64]
