@@ -5,6 +5,7 @@ Writes FOLDER/where.json: the files that the three bundled packages and the exte
 
 from __future__ import annotations
 
+import importlib
 import json
 import sys
 from pathlib import Path
@@ -29,7 +30,7 @@ def main() -> None:
         raise SystemExit(f"{ID} is not enabled: {addon_utils.check(ID)}")
     print("BAKE", bpy.ops.radiosity.bake(options="--error 0.01 --resolution 64"))
     bpy.ops.wm.save_as_mainfile(filepath=str(folder / "baked.blend"))
-    where = {name: sys.modules[name].__file__ for name in ("embreex", "xatlas", "OpenEXR", ID)}
+    where = {name: importlib.import_module(name).__file__ for name in ("embreex", "xatlas", "OpenEXR", ID)}
     (folder / "where.json").write_text(json.dumps(where), encoding="utf-8")
 
 
