@@ -18,7 +18,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..solver.errors import SceneError
-from . import compat
 
 Float = NDArray[np.floating[Any]]
 Result = TypeVar("Result")
@@ -105,7 +104,7 @@ def _world_scene(world: Any) -> Iterator[Any]:
     copy = world.copy()
     try:
         scene.collection.objects.link(viewer)
-        compat.make_equirectangular(camera)
+        camera.type, camera.panorama_type = "PANO", "EQUIRECTANGULAR"
         # Level, looking along +x.
         viewer.rotation_euler = (np.pi / 2, 0.0, -np.pi / 2)
         scene.camera = viewer
