@@ -17,6 +17,12 @@ HERE = Path(__file__).parent
 # B = E / (1 - rho) in the closed furnace (furnace.py): E / pi = 1 / (1 - 1/2) at every lumel.
 EXACT = 2.0
 WANTED = 0.01
+# A bake of flat walls unwraps without xatlas, so the three are imported by hand as well.
+LOADED_FROM = """
+import embreex.rtcore_scene, xatlas, OpenEXR
+for module in (embreex, xatlas, OpenEXR):
+    print('FROM', module.__file__)
+"""
 
 
 def assert_furnace(report_path: Path) -> None:
@@ -80,6 +86,8 @@ def test_the_zip_bakes_in_the_real_blender_from_the_command_line(linux_zip: Path
     told = blender("-b", scene, "-c", "radiosity", "bake", "--output", folder, "--error", str(WANTED),
                    "--resolution", "64", "--save", folder / "baked.blend", "--report", folder / "report.json")
     assert "Traceback" not in told
+    loaded = blender("-b", "--python-exit-code", "3", "--python-expr", LOADED_FROM)
+    assert loaded.count(f"FROM {resources}") == 3, loaded
     assert (folder / "baked.blend").stat().st_size > 0
     assert_furnace(folder / "report.json")
 
