@@ -8,8 +8,12 @@ import bpy
 
 
 def uses_nodes(data: Any) -> bool:
-    """Whether a material's or world's node tree counts; from 5.0 on it always does."""
-    if bpy.app.version >= (5, 0, 0):
+    """Whether the node tree of a material, world or lamp counts.
+
+    The switch is on its way out (for materials and worlds from 5.0, for lamps from 5.2), and reading it warns then.
+    """
+    switch = data.bl_rna.properties.get("use_nodes")
+    if switch is None or getattr(switch, "is_deprecated", False):
         return data.node_tree is not None
     return bool(data.use_nodes) and data.node_tree is not None
 
