@@ -12,6 +12,7 @@ import math
 import os
 import sys
 import tempfile
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -64,7 +65,7 @@ def _material(bpy: Any, name: str, colour: Point, radiance: Point | None = None)
     return material
 
 
-def _object(bpy: Any, name: str, points: list[Point], faces: list[tuple[int, ...]], material: Any) -> Any:
+def _object(bpy: Any, name: str, points: Sequence[Point], faces: Sequence[tuple[int, ...]], material: Any) -> Any:
     mesh = bpy.data.meshes.new(name)
     mesh.from_pydata(points, [], faces)
     mesh.materials.append(material)

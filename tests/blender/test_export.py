@@ -25,12 +25,12 @@ def normals(exported: Exported) -> np.ndarray:
     """Unit normals by winding."""
     a, b, c = np.moveaxis(exported.scene.vertices[exported.scene.triangles], 1, 0)
     cross = np.cross(b - a, c - a)
-    return cross / np.linalg.norm(cross, axis=1, keepdims=True)
+    return np.asarray(cross / np.linalg.norm(cross, axis=1, keepdims=True))
 
 
 def areas(exported: Exported) -> np.ndarray:
     a, b, c = np.moveaxis(exported.scene.vertices[exported.scene.triangles], 1, 0)
-    return np.linalg.norm(np.cross(b - a, c - a), axis=1) / 2
+    return np.asarray(np.linalg.norm(np.cross(b - a, c - a), axis=1) / 2)
 
 
 def test_a_transformed_mesh_arrives_in_world_space(build):

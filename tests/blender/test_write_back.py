@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Any
 
 import bpy
 import numpy as np
@@ -15,7 +16,7 @@ from radiosity.solver.errors import OutputError
 PIXELS = np.random.default_rng(1).uniform(0, 100000, (6, 8, 3)).astype(np.float32)
 
 
-def values(image: object) -> np.ndarray:
+def values(image: Any) -> np.ndarray:
     """(h, w, 3) of a Blender image."""
     found = np.empty(len(image.pixels), np.float32)
     image.pixels.foreach_get(found)
@@ -87,7 +88,7 @@ def test_our_map_stands_in_slot_1_and_the_users_maps_are_untouched(build):
     assert mesh.uv_layers["Paint"].active_render
 
 
-def mesh_uv(mesh: object, name: str) -> np.ndarray:
+def mesh_uv(mesh: Any, name: str) -> np.ndarray:
     return np.array([item.vector[:] for item in mesh.uv_layers[name].uv], np.float32)
 
 
