@@ -1,0 +1,80 @@
+"""The report as it is written, and progress as it is shown."""
+
+from __future__ import annotations
+
+import io
+import json
+import math
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from radiosity.radiosity_addon import report
+from radiosity.radiosity_addon.progress import STAGE_WEIGHTS, Progress, Terminal, clock
+from radiosity.radiosity_addon.request import Request, folder_beside
+from radiosity.solver.errors import OutputError, SettingsError
+
+
+def with_error(rms: Any) -> dict[str, Any]:
+    return {"error": {"wanted": 0.03, "estimated": {"rms": rms}}}
+
+
+@pytest.mark.parametrize(("rms", "reached"), [(0.029, True), (0.03, True), (0.031, False), (None, True)])
+def test_the_wanted_error_is_reached_or_not(rms: Any, reached: bool) -> None:
+    assert report.reached(with_error(rms)) is reached
+
+
+def test_the_report_is_plain_json_whatever_is_in_it(tmp_path: Path) -> None:
+    # NumPy's types, paths, and numbers that are not finite. Exact answer: Python's, text, and null.
+    path = tmp_path / "report.json"
+    report.write({"a": np.float32(0.5), "b": np.arange(2), "c": math.nan, "d": (Path("x"), np.bool_(True))}, path)
+    assert json.loads(path.read_text()) == {"a": 0.5, "b": [0, 1], "c": None, "d": ["x", True]}
+    assert list(tmp_path.iterdir()) == [path]
+
+
+def test_paths_are_relative_to_the_reports_folder(tmp_path: Path) -> None:
+    found = report.relative_to_report(tmp_path / "maps" / "a.exr", tmp_path / "told" / "report.json")
+    assert found == "../maps/a.exr"
+
+
+def test_a_folder_that_is_a_file_is_refused_before_the_bake(tmp_path: Path) -> None:
+    (tmp_path / "taken").touch()
+    with pytest.raises(OutputError, match="taken can't be written to"):
+        Request(output=tmp_path / "taken").check_writable()
+
+
+def test_the_folder_stands_beside_the_blend_and_needs_one() -> None:
+    assert folder_beside("/scenes/room.blend", advice="") == Path("/scenes/lightmaps")
+    assert folder_beside("/scenes/room.blend", "//maps", advice="") == Path("/scenes/maps")
+    assert folder_beside("", "/tmp/maps", advice="") == Path("/tmp/maps")
+    with pytest.raises(SettingsError, match=r"not saved.*: save it first"):
+        folder_beside("", "//maps", advice="save it first")
+
+
+def test_progress_never_goes_back_and_ends_at_the_whole() -> None:
+    # All stages in order, one of them twice, one never. Exact answer: a rising part from 0 to 1.
+    progress, seen = Progress(), []
+    for stage in [*STAGE_WEIGHTS, "gather", "write"]:
+        for part in (0.0, 0.5, 1.0):
+            if stage != "unwrap":
+                progress(stage, part)
+                seen.append(progress.fraction)
+    assert seen == sorted(seen)
+    assert seen[0] == 0
+    assert seen[-1] == pytest.approx(1)
+
+
+def test_a_log_gets_one_line_a_stage_with_per_cent() -> None:
+    # The stages before the gather weigh 32 of 106. Exact answer: 30 %, told once.
+    progress, log = Progress(), io.StringIO()
+    terminal = Terminal(progress, log)
+    for part in (0.0, 0.3, 0.6):
+        progress("gather", part)
+        terminal.show()
+    terminal.close()
+    assert log.getvalue() == "gather:  30%\n"
+
+
+def test_time_left_is_minutes_and_seconds() -> None:
+    assert [clock(0.4), clock(65), clock(3600)] == ["0:00", "1:05", "60:00"]
