@@ -121,7 +121,7 @@ class _Box:
     @property
     def _flat(self) -> Float:
         """Up to where, across the box, its full height lies inside the triangle: 0 ... 1."""
-        return np.clip((self._height - 1) / self._height * self._width, 0, 1)
+        return np.asarray(np.clip((self._height - 1) / self._height * self._width, 0, 1))
 
     @property
     def _slope(self) -> tuple[Float, Float, Float]:
@@ -134,7 +134,7 @@ class _Box:
     @property
     def share(self) -> Float:
         width, high, low = self._slope
-        return (self._flat + width * (high + low) / 2) * self._a * self._b
+        return np.asarray((self._flat + width * (high + low) / 2) * self._a * self._b)
 
     def inside(self, x: Float, y: Float) -> tuple[Float, Float]:
         """(a, b) at the unit square's (x, y), area-preserving."""

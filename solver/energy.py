@@ -42,7 +42,7 @@ def energy_balance(transport: Transport) -> EnergyBalance:
     size = np.bincount(patch, area, count)
 
     def total(values: Float) -> Float:
-        return np.bincount(patch, area * values.mean(axis=1), count)
+        return np.asarray(np.bincount(patch, area * values.mean(axis=1), count), np.float64)
 
     solved = ~np.isnan(transport.irradiance[:, 0])
     indirect = np.nan_to_num(transport.irradiance)[patch]

@@ -41,7 +41,10 @@ class Geometry:
         self._base = np.ascontiguousarray(self.corners[:, 0])
         self._edge1 = np.ascontiguousarray(self.corners[:, 1] - self.corners[:, 0])
         self._edge2 = np.ascontiguousarray(self.corners[:, 2] - self.corners[:, 0])
-        self._textured = bool((scene.reflectance_texture >= 0).any()) if len(self.area) else False  # type: ignore[operator]
+        self._reflectance, self._emission = np.asarray(scene.reflectance), np.asarray(scene.emission)
+        self._reflectance_texture = np.asarray(scene.reflectance_texture)
+        self._emission_texture = np.asarray(scene.emission_texture)
+        self._textured = bool((self._reflectance_texture >= 0).any())
 
     @cached_property
     def buried(self) -> Buried:
@@ -74,26 +77,27 @@ class Geometry:
         blended += corner[triangle, 1] * u[:, None]
         blended += corner[triangle, 2] * v[:, None]
         length = np.sqrt(np.einsum("ij,ij->i", blended, blended))
-        return np.where(length[:, None] > 1e-6, blended / np.maximum(length, 1e-6)[:, None], self.normal[triangle])
+        unit = blended / np.maximum(length, 1e-6)[:, None]
+        return np.asarray(np.where(length[:, None] > 1e-6, unit, self.normal[triangle]))
 
     def lifted(self, points: Float, triangle: Int, front: NDArray[np.bool_]) -> Float:
-        """The points, moved off their triangles to the side that is asked for, so that a ray does not meet its start."""
+        """The points, moved off their triangles to the side asked for, so that a ray does not meet its start."""
         offset = self.offset[triangle]
-        return points + self.normal[triangle] * np.where(front, offset, -offset)[:, None]
+        return np.asarray(points + self.normal[triangle] * np.where(front, offset, -offset)[:, None])
 
     def reflectance(self, triangle: Int, u: Float, v: Float) -> Float:
         """(n, 3) float32 diffuse reflectance at barycentric points."""
-        out = self.scene.reflectance[triangle]  # type: ignore[index]
+        out: Float = self._reflectance[triangle]
         if self._textured:
-            out = out * self._textures(self.scene.reflectance_texture, triangle, u, v)  # type: ignore[arg-type]
+            out = out * self._textures(self._reflectance_texture, triangle, u, v)
             np.minimum(out, 1.0, out=out)
         return out
 
     def emission(self, triangle: Int, u: Float, v: Float) -> Float:
         """(n, 3) float32 radiant exitance (W/m2) at barycentric points."""
-        out = self.scene.emission[triangle]  # type: ignore[index]
-        if (self.scene.emission_texture[triangle] >= 0).any():  # type: ignore[index]
-            out = out * self._textures(self.scene.emission_texture, triangle, u, v)  # type: ignore[arg-type]
+        out = self._emission[triangle]
+        if (self._emission_texture[triangle] >= 0).any():
+            out = out * self._textures(self._emission_texture, triangle, u, v)
         return out
 
     def _textures(self, index_of: Int, triangle: Int, u: Float, v: Float) -> Float:

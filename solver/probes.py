@@ -24,8 +24,9 @@ def probes(scene: Scene, points: ArrayLike, normals: ArrayLike) -> Receivers:
     if not (np.isfinite(place).all() and np.isfinite(facing).all() and (length > 0).all()):
         raise SceneError("a probe's point is not finite, or its normal has no length")
     count = len(place)
-    return Receivers(np.asarray(place - scene.origin, np.float32), np.asarray(facing / length, np.float32),
-                     np.full(count, -1, np.int32), np.zeros((count, 2), np.float32), np.zeros((count, 2, 2), np.float32))
+    return Receivers(position=np.asarray(place - scene.origin, np.float32),
+                     normal=np.asarray(facing / length, np.float32), triangle=np.full(count, -1, np.int32),
+                     barycentric=np.zeros((count, 2), np.float32), footprint=np.zeros((count, 2, 2), np.float32))
 
 
 def triangle_middles(geometry: Geometry) -> Receivers:

@@ -137,7 +137,8 @@ def report(scene: Scene, settings: Settings, stages: Stages, lumels: int, transp
 def refuse_singular(linear: LinearResult, scene: Scene) -> None:
     """A closed scene that absorbs nothing has no solution: say so."""
     if linear.outcome != "converged":
-        highest = int(np.argmax(np.asarray(scene.reflectance).max(axis=1)))
-        raise SceneError(f"{scene.whose(highest)} reflects {float(np.max(scene.reflectance[highest])):.3g} of the light in "  # type: ignore[index]
-                         f"a scene that lets none out, so that light never ends: lower the reflectance below .99 "
-                         f"(solver: {linear.outcome} after {linear.products} products)")
+        reflectance = np.asarray(scene.reflectance).max(axis=1)
+        highest = int(np.argmax(reflectance))
+        raise SceneError(f"{scene.whose(highest)} reflects {float(reflectance[highest]):.3g} of the light in a scene "
+                         f"that lets none out, so that light never ends: lower the reflectance below .99 (solver: "
+                         f"{linear.outcome} after {linear.products} products)")

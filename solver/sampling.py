@@ -37,8 +37,8 @@ def uniform(identity: NDArray[Any], dimension: int, seed: int) -> Float:
     The finaliser of MurmurHash3 (Appleby 2008) over 64 bits, with the dimension and the seed mixed in before.
     """
     with np.errstate(over="ignore"):
-        key = np.asarray(identity).astype(np.uint64)
-        key = key * np.uint64(0x9E3779B97F4A7C15) + np.uint64((dimension * 0xD1B54A32D192ED03 + seed * 0x8CB92BA72F3D8DD7) % 2**64)
+        salt = np.uint64((dimension * 0xD1B54A32D192ED03 + seed * 0x8CB92BA72F3D8DD7) % 2**64)
+        key = np.asarray(identity).astype(np.uint64) * np.uint64(0x9E3779B97F4A7C15) + salt
         key ^= key >> np.uint64(33)
         key *= np.uint64(0xFF51AFD7ED558CCD)
         key ^= key >> np.uint64(33)

@@ -97,7 +97,7 @@ class Surface:
             if uv.shape != (self.count, 3, 2):
                 raise SceneError(f"object {self.name!r}: lightmap_uv has shape {uv.shape}, not ({self.count}, 3, 2)")
             if not np.isfinite(uv).all():
-                raise SceneError(f"object {self.name!r}: its lightmap UV holds a value that is not finite: unwrap again")
+                raise SceneError(f"object {self.name!r}: its lightmap UV holds a value that is not finite: unwrap it")
             object.__setattr__(self, "lightmap_uv", _frozen(uv))
 
     @property
@@ -163,11 +163,12 @@ class Scene:
         count = len(triangles)
         put("vertices", _frozen(vertices))
         put("triangles", _frozen(triangles))
-        put("reflectance", _frozen(_per_triangle("reflectance", self.reflectance, count)))
+        reflectance = _per_triangle("reflectance", self.reflectance, count)
+        if reflectance.size and reflectance.max() > 1:
+            triangle = int(np.argmax(reflectance.max(axis=1)))
+            raise SceneError(f"{self.whose(triangle)}: reflectance {reflectance[triangle].tolist()} is above 1")
+        put("reflectance", _frozen(reflectance))
         put("emission", _frozen(_per_triangle("emission", self.emission, count)))
-        if self.reflectance.size and self.reflectance.max() > 1:  # type: ignore[union-attr]
-            triangle = int(np.argmax(self.reflectance.max(axis=1)))  # type: ignore[union-attr]
-            raise SceneError(f"{self.whose(triangle)}: reflectance {self.reflectance[triangle].tolist()} is above 1")  # type: ignore[index]
         for name, shape in (("corner_normals", (count, 3, 3)), ("uv", (count, 3, 2))):
             value = getattr(self, name)
             if value is not None:

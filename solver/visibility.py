@@ -87,7 +87,8 @@ class Visibility:
             step = max(1, _PAIRS // len(self._corners))
             for start in range(0, count, step):
                 part = slice(start, start + step)
-                self._cast(origins[part], directions[part], triangle[part], u[part], v[part], distance[part], front[part])
+                self._cast(origins[part], directions[part], triangle[part], u[part], v[part], distance[part],
+                           front[part])
         return Hits(triangle, u, v, distance, front)
 
     def _cast(self, origins: Float, directions: Float, triangle: NDArray[np.int32], u: Float, v: Float,
