@@ -13,7 +13,6 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from .bright import BrightCells
 from .footprints import Footprints
 from .gather import Gather
 from .parallel import Run
@@ -35,7 +34,7 @@ PRIOR = 0.2
 CLOSE_ENOUGH = 1.1
 
 
-def gather_adaptively(transport: Transport, places: Footprints, bright: BrightCells, plan: Plan, seed: int,
+def gather_adaptively(transport: Transport, places: Footprints, plan: Plan, seed: int,
                       neighbours: Int | None, run: Run) -> tuple[Float, Float]:
     """Gather until the sampling error is about `plan.gather_error` of the mean light.
 
@@ -46,8 +45,7 @@ def gather_adaptively(transport: Transport, places: Footprints, bright: BrightCe
     everything = np.arange(len(places))
 
     def look(rows: Int, rays: int, number: int) -> Float:
-        aimed = int(rays * plan.bright_share)
-        gather = Gather(transport, rays, seed + 1000 * number, bright, aimed)
+        gather = Gather(transport, rays, seed + 1000 * number)
         return np.concatenate(gather.light(places, rows, run), axis=1)
 
     half = plan.gather_rays // 2

@@ -22,7 +22,6 @@ from numpy.typing import NDArray
 
 from .adaptive import gather_adaptively
 from .audit import Auditor, error_bar
-from .bright import BrightCells
 from .cells import Cells
 from .direct import DirectLight
 from .energy import energy_balance
@@ -60,6 +59,8 @@ PILOT_TOTAL = 2**18
 # its fair part of what is wanted.
 MOST_REFINEMENTS = 6
 REFINE_SHARE = 3.0
+# Residuals of the linear system that are small enough to see where to split patches, and at the end.
+ROUGH, TOLERANCE = 1e-2, 1e-5
 # The audit's random numbers start here, so that it shares none with the bake.
 AUDIT_SEED = 0x5EED
 # Receivers whose direct light says how bright the scene is.
@@ -93,9 +94,11 @@ class _Work:
             self.plan = plan(self.settings.error, looks.distance)
             corners = self.geometry.corners.reshape(-1, 3)
             shells = Shells.of(self.geometry.corners)
-            patches = Patches(shells, corners.min(axis=0), corners.max(axis=0), self.plan.smallest_patch)
+            patches = Patches(shells, corners.min(axis=0), corners.max(axis=0), self.plan.smallest_patch,
+                              looks.distance)
             if looks.spots is not None:
-                patches.grow(looks.spots, looks.weight, float(looks.weight.sum()) / self.plan.patches)
+                patches.grow(looks.spots, looks.weight, looks.seen_from,
+                             float(looks.weight.sum()) / self.plan.patches)
             cells = Cells(self.geometry, self.plan.cell_size)
             transport = Transport(self.geometry, self.direct, self.sampled_emitter, cells, patches, seed, self.run)
             step = max(1, len(places) * PILOT_RAYS // PILOT_TOTAL)
@@ -103,14 +106,16 @@ class _Work:
         with self.stages("form factors"):
             transport.discover(self.plan.row_rays)
         with self.stages("solve"):
-            self.linear = transport.solve()
+            self.linear = transport.solve(ROUGH)
         for _ in range(MOST_REFINEMENTS):
             with self.stages("refine"):
                 if not transport.refine(*self._refinement(transport)):
                     break
                 transport.discover(self.plan.row_rays)
             with self.stages("solve"):
-                self.linear = transport.solve()
+                self.linear = transport.solve(ROUGH)
+        with self.stages("solve"):
+            self.linear = transport.solve(TOLERANCE)
         refuse_singular(self.linear, self.scene)
         return transport
 
@@ -120,7 +125,7 @@ class _Work:
         share = np.bincount(patch, minlength=len(transport.patches)) / max(len(self.seen), 1)
         level = float(transport.leaving().mean(axis=1)[self.seen].mean())
         reflectance = np.bincount(transport.cell_patch, transport.cell_reflectance.mean(axis=1), len(transport.patches))
-        reflectance /= np.maximum(np.bincount(transport.cell_patch, minlength=len(transport.patches)), 1)
+        reflectance = reflectance / np.maximum(np.bincount(transport.cell_patch, minlength=len(transport.patches)), 1)
         return REFINE_SHARE * self.settings.error * level / np.sqrt(max(self.plan.patches, 1)), np.sqrt(share) * reflectance
 
     def light(self, receivers: Receivers, near: NDArray[np.int32] | None = None) -> tuple[Float, Float]:
@@ -129,8 +134,7 @@ class _Work:
         places = ReceiverFootprints(self.geometry, receivers, self.settings.footprint, seed)
         self.transported = self.transport(receivers, places)
         with self.stages("gather"):
-            bright = BrightCells(self.transported, self.seen)
-            first, bounced = gather_adaptively(self.transported, places, bright, self.plan, seed, near, self.run)
+            first, bounced = gather_adaptively(self.transported, places, self.plan, seed, near, self.run)
         with self.stages("direct"):
             sample = receivers.take(np.linspace(0, len(receivers) - 1, min(len(receivers), LEVEL_SAMPLE)).astype(int))
             few = ReceiverFootprints(self.geometry, sample, self.settings.footprint, seed)

@@ -2,10 +2,9 @@
 
     E_indirect = mean over cosine-distributed rays of  rho(hit) (E_direct(hit) + H_patch(hit)) + emission(hit)
 
-Where we leave the textbook:
-1. A ray that meets something nearer than its patch is wide would see the patch's mean where its detail matters
-   (contact shadows, the gap behind a board): it goes on, bounce by bounce, until it asks a patch from afar.
-2. Rays are aimed at small bright places too (`bright.py`).
+Where we leave the textbook: where most rays meet something nearer than its patch is wide (the gap behind a board, the
+inside of a drawer), the patches' means say little. There, rays go on, bounce by bounce, until they ask a patch from
+afar.
 """
 
 from __future__ import annotations
@@ -16,13 +15,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from .bright import BrightCells
-from .cells import NOTHING
-from .footprints import CellFootprints, Footprints
+from .footprints import Footprints
 from .parallel import Run, slices
 from .sampling import cosine_directions, kronecker, shifted, shifts
 from .transport import Transport
-from .visibility import SHORTEN, Hits
+from .visibility import Hits
 
 Float = NDArray[np.floating[Any]]
 Int = NDArray[np.integer[Any]]
@@ -30,28 +27,31 @@ Int = NDArray[np.integer[Any]]
 CHUNK_RAYS = 2**17
 # Rays between two looks at what cells are new.
 PASS_RAYS = 2**22
-# Rays that meet a patch nearer than this many edges of its box go on, this often at most.
+# A receiver is confined if this part of its rays meet a patch nearer than NEAR_PATCHES times its width. Such rays go
+# on, this often at most.
+CONFINED = 0.4
 NEAR_PATCHES = 1.0
 MOST_BOUNCES = 8
+# From this bounce on a ray goes on by chance, and then stands for those that did not: long ways lead through the dark.
+ROULETTE_FROM = 2
+ROULETTE = np.float32(0.5)
 # Rays of a patch that was met only now.
 LATE_RAYS = 64
 
 
 @dataclass
 class _Rays:
-    """The rays of a run of footprints, while they are followed (all (n * rays,) but where said)."""
+    """The rays of a run of footprints, while they are followed."""
 
     rows: Int  # (n,) footprints
-    sides: NDArray[np.int64]  # of the first hits
+    sides: NDArray[np.int64]  # (n * rays,) of cells, of the first hits
     sky: Float  # (n, 3) mean irradiance
-    cosine: Float | None  # at the receiver
-    spread: Float | None  # distance^2 / cosine at the hit: turns a density per area into one per angle
-    hits: Hits  # the last hits of the rays that go on
-    last: NDArray[np.int64]  # their sides
-    going: Int  # which rays they are
-    lit: NDArray[np.bool_] | None  # whether light can arrive at the ray's start; None: everywhere
-    carried: Float | None = None  # (going, 3) reflectance so far
-    value: Float | None = None  # (n * rays, 3) radiosity brought so far
+    lit: NDArray[np.bool_] | None  # (n * rays,) whether light can arrive at the ray's start; None: everywhere
+    going: Int  # which rays go on,
+    hits: Hits  # what they met last,
+    last: NDArray[np.int64]  # the sides of cells there,
+    carried: Float  # and the reflectance so far, (going, 3)
+    value: Float  # (n * rays, 3) radiosity brought so far
 
 
 class Gather:
@@ -61,19 +61,13 @@ class Gather:
     ----------
     transport : cells, patches, rows, solved.
     rays : of each footprint.
-    bright, bright_rays : where to aim that many more rays; None for nowhere.
     seed : of the shifts.
     """
 
-    def __init__(self, transport: Transport, rays: int, seed: int, bright: BrightCells | None = None,
-                 bright_rays: int = 0) -> None:
+    def __init__(self, transport: Transport, rays: int, seed: int) -> None:
         self.transport, self.count, self.seed = transport, rays, seed
-        self.bright = bright if bright is not None and len(bright) and bright_rays else None
-        self.bright_count = bright_rays if self.bright else 0
         # Direction (0, 1), footprint (2, 3).
         self._points = kronecker(rays, 4)
-        # Cell (0), place in it (1, 2), footprint (3, 4).
-        self._aims = kronecker(self.bright_count, 5)
 
     def meet(self, places: Footprints, rows: Int, run: Run) -> NDArray[np.int32]:
         """Let the rays of some footprints find cells; return the cells' rows, NOTHING for the sky."""
@@ -86,26 +80,22 @@ class Gather:
         """Irradiance from sky and gathered emitters, and from light that surfaces reflect, of footprints `rows`: (n, 3)
         float32 each, W/m2."""
         first, bounced = [], []
-        passes = slices(len(rows), max(1, PASS_RAYS // (self.count + self.bright_count)))
+        passes = slices(len(rows), max(1, PASS_RAYS // self.count))
         for number, part in enumerate(passes):
             pieces = self._map(run, lambda some: self._trace(places, some), rows[part])
             for bounce in range(MOST_BOUNCES):
-                self._meet([piece.last for piece in pieces])
-                run.map(lambda piece, bounce=bounce: self._go_on(piece, bounce), pieces)  # type: ignore[misc]
-            self.transport.leaving()
-            for emitted, reflected in run.map(lambda rays: self._collect(places, rays, run), pieces):
+                self.transport.meet(np.concatenate([piece.last for piece in pieces]))
+                self.transport.late(LATE_RAYS)
+                step = _Step(self, bounce)
+                run.map(step.follow, pieces)
+            for emitted, reflected in run.map(self._collect, pieces):
                 first.append(emitted)
                 bounced.append(reflected)
             run.report((number + 1) / len(passes))
         return np.concatenate(first), np.concatenate(bounced)
 
     def _map(self, run: Run, work: Any, rows: Int) -> list[Any]:
-        return run.map(lambda part: work(rows[part]),
-                       slices(len(rows), max(1, CHUNK_RAYS // (self.count + self.bright_count))))
-
-    def _meet(self, sides: list[NDArray[np.int64]]) -> None:
-        self.transport.meet(np.concatenate(sides))
-        self.transport.late(LATE_RAYS)
+        return run.map(lambda part: work(rows[part]), slices(len(rows), max(1, CHUNK_RAYS // self.count)))
 
     def _trace(self, places: Footprints, rows: Int) -> _Rays:
         transport = self.transport
@@ -118,91 +108,76 @@ class Gather:
         if lit is not None:
             sky *= lit[:, None]
         mean_sky = np.float32(np.pi) * sky.reshape(-1, self.count, 3).mean(axis=1)
-        cosine = spread = None
-        if self.bright:
-            cosine = np.sqrt(1 - u)
-            facing = np.abs(np.einsum("ij,ij->i", transport.geometry.normal[hits.triangle], directions))
-            spread = np.minimum(hits.distance, np.float32(1e15)) ** 2 / np.maximum(facing, np.float32(1e-6))
-        return _Rays(rows, sides, mean_sky, cosine, spread, hits, sides, np.arange(len(sides)), lit)
+        nothing = np.empty((0, 3), np.float32)
+        return _Rays(rows, sides, mean_sky, lit, np.arange(len(sides)), hits, sides, nothing, nothing)
 
-    def _go_on(self, rays: _Rays, bounce: int) -> None:
-        """Let rays that met something far ask its patch, and the others look further."""
-        transport, geometry = self.transport, self.transport.geometry
-        table = transport.leaving()
+    def _collect(self, rays: _Rays) -> tuple[Float, Float]:
+        """Irradiance from sky and gathered emitters, and from reflected light: (n, 3) each."""
+        if rays.lit is not None:
+            rays.value *= rays.lit[:, None]
+        total = rays.value.reshape(-1, self.count, 3).mean(axis=1)
+        emission = self.transport.emission()
+        if emission is None:
+            return rays.sky, total
+        seen = np.take(emission, self.transport.cells.rows(rays.sides), axis=0)
+        if rays.lit is not None:
+            seen *= rays.lit[:, None]
+        emitted = seen.reshape(-1, self.count, 3).mean(axis=1)
+        return rays.sky + emitted, total - emitted
+
+
+class _Step:
+    """One bounce of all rays: those that met something far ask its patch, the others look further."""
+
+    def __init__(self, gather: Gather, bounce: int) -> None:
+        self._gather, self._bounce = gather, bounce
+        transport = gather.transport
+        self._table = transport.leaving()
+        self._width = np.append(transport.extent()[transport.cell_patch], np.float32(0)) * np.float32(NEAR_PATCHES)
+
+    def follow(self, rays: _Rays) -> None:
+        """Bring what is met to the receivers, and trace on where it is near."""
+        transport = self._gather.transport
         cell = transport.cells.rows(rays.last)
-        size = np.append(transport.patches.size()[transport.cell_patch], np.float32(0))[cell]
-        near = np.flatnonzero(rays.hits.distance < np.float32(NEAR_PATCHES) * size)
-        if bounce == MOST_BOUNCES - 1:
-            near = near[:0]
-        brought = np.take(table, cell, axis=0)
-        brought[near] = transport.cell_direct[cell[near]]
-        if rays.carried is None:
-            rays.value = brought
-            rays.carried = transport.cell_reflectance[cell[near]]
+        near, factor = self._go_on(rays, np.flatnonzero(rays.hits.distance < self._width[cell]))
+        brought = np.take(self._table, cell, axis=0)
+        here = cell[near]
+        reflectance = transport.cell_reflectance[here]
+        # A ray that goes on brings the direct light from here, and leaves the rest to what it meets.
+        brought[near] += (transport.cell_direct[here] - brought[near]) * factor
+        if self._bounce == 0:
+            rays.value, rays.carried = brought, reflectance * factor
         else:
-            rays.value[rays.going] += rays.carried * brought  # type: ignore[index]
-            rays.carried = rays.carried[near] * transport.cell_reflectance[cell[near]]
+            rays.value[rays.going] += rays.carried * brought
+            rays.carried = rays.carried[near] * reflectance * factor
+        rays.going = rays.going[near]
+        self._trace_on(rays, near)
+
+    def _go_on(self, rays: _Rays, near: Int) -> tuple[Int, Float]:
+        """Which of the rays near to what they met go on, and for how many each stands (n, 1)."""
+        count = self._gather.count
+        if self._bounce == MOST_BOUNCES - 1:
+            near = near[:0]
+        elif self._bounce == 0:
+            confined = np.bincount(near // count, minlength=len(rays.rows)) >= CONFINED * count
+            near = near[confined[near // count]]
+        elif self._bounce >= ROULETTE_FROM:
+            chance = shifts(self._identity(rays, rays.going[near]), 1, self._gather.seed + 301 + self._bounce)[:, 0]
+            near = near[chance < ROULETTE]
+            return near, np.full((len(near), 1), 1 / ROULETTE, np.float32)
+        return near, np.ones((len(near), 1), np.float32)
+
+    def _identity(self, rays: _Rays, which: Int) -> Int:
+        count = self._gather.count
+        return rays.rows[which // count] * np.int64(count) + which % count
+
+    def _trace_on(self, rays: _Rays, near: Int) -> None:
+        transport = self._gather.transport
+        geometry = transport.geometry
         triangle, front = rays.hits.triangle[near], rays.hits.front[near]
         start = geometry.lifted(geometry.point(triangle, rays.hits.u[near], rays.hits.v[near]), triangle, front)
         normal = geometry.normal[triangle]
         normal = np.where(front[:, None], normal, -normal)
-        rays.going = rays.going[near]
-        identity = rays.rows[rays.going // self.count] * np.int64(self.count) + rays.going % self.count
-        u, v = shifts(identity, 2, self.seed + 5 + bounce).T
+        u, v = shifts(self._identity(rays, rays.going), 2, self._gather.seed + 5 + self._bounce).T
         rays.hits, rays.last, sky = transport.trace(start, cosine_directions(normal, u[:, None], v[:, None])[:, 0])
-        rays.value[rays.going] += rays.carried * (np.float32(np.pi) * sky)  # type: ignore[index]
-
-    def _collect(self, places: Footprints, rays: _Rays, run: Run) -> tuple[Float, Float]:
-        """Irradiance from sky and gathered emitters, and from reflected light: (n, 3) each."""
-        transport = self.transport
-        table, emission = transport.leaving(), transport.emission()
-        cell = transport.cells.rows(rays.sides)
-        value = rays.value
-        assert value is not None
-        weight = None if rays.lit is None else np.asarray(rays.lit, np.float32)[:, None]
-        if self.bright:
-            cosine = rays.cosine * np.float32(self.count / np.pi)
-            aimed = self.bright_count * self.bright.density_of(cell) * rays.spread
-            share = (cosine / (cosine + aimed))[:, None]
-            weight = share if weight is None else weight * share
-        if weight is not None:
-            value *= weight
-        total = value.reshape(-1, self.count, 3).mean(axis=1)
-        emitted = np.zeros_like(total)
-        if emission is not None:
-            seen = np.take(emission, cell, axis=0)
-            if weight is not None:
-                seen *= weight
-            emitted = seen.reshape(-1, self.count, 3).mean(axis=1)
-        if self.bright:
-            more, more_emitted = self._aim(places, rays.rows, table, emission, run)
-            total, emitted = total + more, emitted + more_emitted
-        return rays.sky + emitted, total - emitted
-
-    def _aim(self, places: Footprints, rows: Int, table: Float, emission: Float | None, run: Run) -> tuple[Float, Float]:
-        """What rays aimed at bright cells bring, all of it and its emitted part: (n, 3) each."""
-        transport, bright = self.transport, self.bright
-        assert bright is not None
-        move = shifts(places.identity[rows], 5, self.seed + 13)
-        pick, a, b, x, y = (shifted(self._aims[:, axis], move[:, axis]).reshape(-1) for axis in range(5))
-        origins, normals = places.sample(np.repeat(rows, self.bright_count), x, y)
-        cell = bright.draw(pick)
-        targets, facing = CellFootprints(transport.cells, transport.cells.side[cell]).sample(np.arange(len(cell)), a, b)
-        towards = targets - origins
-        squared = np.einsum("ij,ij->i", towards, towards)
-        distance = np.sqrt(np.maximum(squared, np.float32(1e-20)))
-        towards /= distance[:, None]
-        cosine = np.einsum("ij,ij->i", towards, normals)
-        other = -np.einsum("ij,ij->i", towards, facing)
-        lit = np.flatnonzero((cosine > 0) & (other > 0))
-        free = ~transport.geometry.visibility.occluded(origins[lit], towards[lit], distance[lit] * np.float32(1 - SHORTEN))
-        run.count(len(lit))
-        lit = lit[free]
-        density = bright.density_of(cell[lit]) * squared[lit] / other[lit]
-        weight = np.zeros(len(cell), np.float32)
-        weight[lit] = cosine[lit] / np.pi / (self.count * cosine[lit] / np.pi + self.bright_count * density)
-
-        def brought(source: Float) -> Float:
-            return np.asarray((np.take(source, cell, axis=0) * weight[:, None]).reshape(-1, self.bright_count, 3).sum(axis=1))
-
-        return brought(table), np.zeros((len(rows), 3), np.float32) if emission is None else brought(emission)
+        rays.value[rays.going] += rays.carried * (np.float32(np.pi) * sky)

@@ -23,10 +23,12 @@ BOUNCES = 4
 
 @dataclass(frozen=True, eq=False)
 class Importance:
-    """Spots that paths met, the weight of each (m,), and the median distance of the paths' first hits, metres."""
+    """Spots that paths met, the weight of each (m,) and the distance it was seen from (m,) metres; and the median
+    distance of the paths' first hits, metres."""
 
     spots: Spots | None
     weight: Float
+    seen_from: Float
     distance: float
 
 
@@ -43,6 +45,7 @@ def look_around(geometry: Geometry, places: Footprints, seed: int, run: Run) -> 
     path = np.arange(len(rows))
     found: list[Spots] = []
     weights: list[Float] = []
+    distances: list[Float] = []
     distance = 0.0
     for bounce in range(BOUNCES):
         hits = geometry.visibility.hits(origins, cosine_directions(normals, u[:, None], v[:, None])[:, 0])
@@ -60,10 +63,11 @@ def look_around(geometry: Geometry, places: Footprints, seed: int, run: Run) -> 
         path = path[met]
         found.append(spots)
         weights.append(weight)
+        distances.append(hits.distance[met])
         origins = geometry.lifted(spots.points, triangle, front)
         normals = spots.normals
         u, v = shifts(path, 2, seed + 11 * (bounce + 1)).T
     if not found:
         extent = float(np.linalg.norm(np.ptp(geometry.corners.reshape(-1, 3), axis=0)))
-        return Importance(None, np.zeros(0, np.float32), extent)
-    return Importance(Spots.join(found), np.concatenate(weights), distance)
+        return Importance(None, np.zeros(0, np.float32), np.zeros(0, np.float32), extent)
+    return Importance(Spots.join(found), np.concatenate(weights), np.concatenate(distances), distance)

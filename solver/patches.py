@@ -25,9 +25,11 @@ Keys = NDArray[np.uint64]
 MOST_LEVELS = 24
 # Layers of a box across the way that its patches face.
 LAYERS = 4
-# Gaps narrower than the box are told apart by this factor, down to its power GAP_CLASSES.
-GAP_FACTOR = 4.0
+# Gaps narrower than the receivers' usual view are told apart by this factor, down to its power GAP_CLASSES.
+GAP_FACTOR = 3.0
 GAP_CLASSES = 8
+# See `Patches.grow`.
+NEAR_WEIGHT = 4.0
 # Shells smaller than this part of a box are taken together in it.
 SMALL_SHELL = 0.5
 
@@ -69,14 +71,15 @@ class Patches:
     shells : of the scene's triangles.
     low, high : (3,) the scene's bounding box about its origin.
     smallest : no box is split below this edge, metres.
+    view : how far the receivers usually see, metres.
 
     Attributes
     ----------
     level : (p,) int32 of each patch; its box has the edge `edge / 2^level`.
     """
 
-    def __init__(self, shells: Shells, low: Float, high: Float, smallest: float) -> None:
-        self._shells = shells
+    def __init__(self, shells: Shells, low: Float, high: Float, smallest: float, view: float) -> None:
+        self._shells, self._view = shells, view
         self._low = np.asarray(low, np.float64)
         self.edge = max(float(np.max(np.asarray(high, np.float64) - self._low)) * 1.001, 1e-30)
         self.depth = int(np.clip(np.floor(np.log2(max(self.edge / smallest, 1.0))), 0, MOST_LEVELS))
@@ -92,14 +95,21 @@ class Patches:
         """(p,) float32: the edge of each patch's box, metres."""
         return np.asarray(self.edge / 2.0**self.level, np.float32)
 
-    def grow(self, spots: Spots, weight: Float, most: float) -> None:
-        """Split boxes until none that can be split holds more than `most` of the weight."""
+    def grow(self, spots: Spots, weight: Float, seen_from: Float, most: float) -> None:
+        """Split boxes until none that can be split holds more than `most` of the weight.
+
+        Parameters
+        ----------
+        weight, seen_from : (n,) what each spot matters, and the distance from which it is looked at, metres. What is
+            looked at from nearer than its box is wide counts NEAR_WEIGHT times: there the box would be seen through.
+        """
         for level in range(self.depth):
             keys, inverse = np.unique(self._keys(spots, level), return_inverse=True)
-            heavy = np.bincount(inverse.reshape(-1), weight, len(keys)) > most
+            counted = np.where(seen_from < self.edge / 2.0**level, weight * np.float32(NEAR_WEIGHT), weight)
+            heavy = np.bincount(inverse.reshape(-1), counted, len(keys)) > most
             self._add_split(level, keys[heavy])
             inside = heavy[inverse.reshape(-1)]
-            spots, weight = spots.take(inside), weight[inside]
+            spots, weight, seen_from = spots.take(inside), weight[inside], seen_from[inside]
             if not len(weight):
                 break
 
@@ -155,7 +165,7 @@ class Patches:
         shell = self._shells.of_triangle[spots.triangle]
         shell = np.where(self._shells.extent[shell] >= SMALL_SHELL * edge, shell, -1)
         with np.errstate(divide="ignore"):
-            gap = np.floor(np.log(np.minimum(spots.gap / edge, 1.0)) / np.log(GAP_FACTOR))
+            gap = np.floor(np.log(np.minimum(spots.gap / self._view, 1.0)) / np.log(GAP_FACTOR))
         gap = np.maximum(gap, -GAP_CLASSES).astype(np.int64)
         with np.errstate(over="ignore"):
             key = np.zeros(len(axis), np.uint64)

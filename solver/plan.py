@@ -18,7 +18,6 @@ class Plan:
     error : the wanted relative RMS error.
     patches : about how many there are before any is split for what the solution does inside it.
     gather_rays : of every receiver; where they prove too noisy, more follow.
-    bright_share : rays aimed at bright cells over gather rays.
     gather_error, direct_error : the parts of `error` that gather and direct light may each have.
     """
 
@@ -28,7 +27,6 @@ class Plan:
     cell_size: float
     row_rays: int
     gather_rays: int
-    bright_share: float
     gather_error: float
     direct_error: float
     audit_lumels: int
@@ -47,7 +45,6 @@ def plan(error: float, distance: float) -> Plan:
         cell_size=CELL_SHARE * distance / finer**0.5,
         row_rays=int(np.clip(256 * finer, 64, 1024)),
         gather_rays=gather,
-        bright_share=0.5,
         gather_error=0.5 * error,
         direct_error=0.5 * error,
         audit_lumels=512,

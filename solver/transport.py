@@ -83,6 +83,7 @@ class Transport:
         self.cell_emission = np.empty((0, 3), np.float32)
         self.cell_reflectance = np.empty((0, 3), np.float32)
         self.cell_patch = np.empty(0, np.int32)
+        self.cell_middle = np.empty((0, 3), np.float32)
         self.irradiance = np.empty((0, 3), np.float32)
         self.rows: list[Rows] = []
         self._leaving: Float | None = None
@@ -101,15 +102,17 @@ class Transport:
         self.cell_emission = np.concatenate([self.cell_emission, emission])
         self.cell_reflectance = np.concatenate([self.cell_reflectance, reflectance])
         self.cell_direct = np.concatenate([self.cell_direct, reflectance * incident + emission])
-        self.cell_patch = np.concatenate([self.cell_patch, self._patch_of(fresh)])
+        spots = self._spots(fresh)
+        self.cell_middle = np.concatenate([self.cell_middle, spots.points])
+        self.cell_patch = np.concatenate([self.cell_patch, self.patches.of(spots)])
         more = len(self.patches) - len(self.irradiance)
         self.irradiance = np.concatenate([self.irradiance, np.full((more, 3), np.nan, np.float32)])
         self._leaving = None
 
-    def _patch_of(self, sides: NDArray[np.int64]) -> NDArray[np.int32]:
+    def _spots(self, sides: NDArray[np.int64]) -> Spots:
         third = np.full(len(sides), 1 / 3, np.float32)
         self._run.count(len(sides))
-        return self.patches.of(Spots.at(self.geometry, *self.cells.places(sides, third, third)))
+        return Spots.at(self.geometry, *self.cells.places(sides, third, third))
 
     def _materials(self, sides: NDArray[np.int64]) -> tuple[Float, Float]:
         """Mean reflectance and mean emission that is gathered (not sampled as a lamp) of each side."""
@@ -128,6 +131,21 @@ class Transport:
 
         parts = self._run.map(work, slices(len(sides), CHUNK_RAYS // CELL_SAMPLES))
         return np.concatenate([part[0] for part in parts]), np.concatenate([part[1] for part in parts])
+
+    def extent(self) -> Float:
+        """(patches,) float32: how wide each patch is, from the spread of its cells, metres.
+
+        The longest side of a box that is evenly filled is sqrt(12) standard deviations; the octree's box may be far
+        wider than what of a patch lies in it.
+        """
+        count = len(self.patches)
+        number = np.maximum(np.bincount(self.cell_patch, minlength=count), 1)
+        square = np.zeros(count)
+        for axis in range(3):
+            place = self.cell_middle[:, axis].astype(np.float64)
+            mean = np.bincount(self.cell_patch, place, count) / number
+            square = np.maximum(square, np.bincount(self.cell_patch, (place - mean[self.cell_patch]) ** 2, count) / number)
+        return np.asarray(np.minimum(np.sqrt(12 * square), self.patches.size()), np.float32)
 
     # --- rays ----------------------------------------------------------------------------------------------------
     def trace(self, origins: Float, directions: Float) -> tuple[Hits, NDArray[np.int64], Float]:
@@ -228,10 +246,10 @@ class Transport:
         if chosen.any():
             self.patches.split(np.flatnonzero(chosen))
             moved = np.flatnonzero(chosen[self.cell_patch])
-            self.cell_patch[moved] = self._patch_of(self.cells.side[moved])
+            self.cell_patch[moved] = self.patches.of(self._spots(self.cells.side[moved]))
             more = len(self.patches) - len(self.irradiance)
             self.irradiance = np.concatenate([self.irradiance, np.full((more, 3), np.nan, np.float32)])
-            self.rows = [rows.take(~chosen[rows.patch]) for rows in self.rows]
+            self.rows = [rows.take(~chosen[rows.patch]) for rows in self.rows if not chosen[rows.patch].all()]
             self._leaving = None
         return int(chosen.sum())
 
@@ -254,8 +272,8 @@ class Transport:
         excess = np.maximum(between - NOISE_LEVEL * inside, 0)
         return np.asarray(np.sqrt(excess * groups / number.sum(axis=1)))
 
-    def solve(self) -> LinearResult:
-        """Solve H = q + F (rho H) on the patches that have a row; patches without one count as black until `late`."""
+    def solve(self, tolerance: float) -> LinearResult:
+        """Solve H = q + F (rho H) to a relative residual; patches without a row count as black until `late`."""
         count = len(self.patches)
         source = np.zeros((count, 3), np.float32)
         table = np.concatenate([self.cell_direct, np.zeros((1, 3), np.float32)])
@@ -270,7 +288,7 @@ class Transport:
                 out[rows.patch] = self._mean(reflected, rows.hits)
             return out
 
-        result = solve_linear(apply, source, check=self._run.check)
+        result = solve_linear(apply, source, tolerance, self._run.check)
         solved = np.zeros(count, bool)
         for rows in self.rows:
             solved[rows.patch] = True
