@@ -107,9 +107,11 @@ def degenerate(positions: Float, triangles: Int) -> NDArray[np.bool_]:
 def _shading_normals(mesh: Any, positions: Float, triangles: Int, corner_ids: Int, face: Int) -> Float | None:
     """(t, 3, 3) float32 corner normals; a flat face's triangles have their own, as Cycles shades them.
 
-    None where no face is smooth.
+    Custom normals count on flat faces too, in Cycles as here. None where no face is smooth.
     """
     smooth = read(mesh.polygons, "use_smooth", np.bool_)[face]
+    if mesh.has_custom_normals:
+        return read(mesh.corner_normals, "vector", np.float32, 3)[corner_ids]
     if not smooth.any():
         return None
     normals = read(mesh.corner_normals, "vector", np.float32, 3)[corner_ids]
