@@ -34,9 +34,13 @@ PRIOR = 0.2
 CLOSE_ENOUGH = 1.1
 
 
-def gather_adaptively(transport: Transport, places: Footprints, plan: Plan, seed: int,
+def gather_adaptively(transport: Transport, places: Footprints, plan: Plan, level: float, seed: int,
                       neighbours: Int | None, run: Run) -> tuple[Float, Float]:
     """Gather until the sampling error is about `plan.gather_error` of the mean light.
+
+    Parameters
+    ----------
+    level : the lamps' mean direct light at the footprints, W/m2; counted with what is gathered.
 
     Returns
     -------
@@ -54,8 +58,7 @@ def gather_adaptively(transport: Transport, places: Footprints, plan: Plan, seed
     rays = np.full(len(places), plan.gather_rays, np.float64)
     variance = _pooled(((first - second)[:, :3] + (first - second)[:, 3:]), neighbours)
     for number in range(MOST_ROUNDS):
-        level = float((value[:, :3] + value[:, 3:]).mean())
-        wanted = (plan.gather_error * level) ** 2
+        wanted = (plan.gather_error * (level + float((value[:, :3] + value[:, 3:]).mean()))) ** 2
         if variance.mean() <= wanted * CLOSE_ENOUGH**2:
             break
         factor = _factors(variance, wanted, MOST_FACTOR * plan.gather_rays / rays)

@@ -133,17 +133,22 @@ class _Work:
         seed = self.settings.seed
         places = ReceiverFootprints(self.geometry, receivers, self.settings.footprint, seed)
         self.transported = self.transport(receivers, places)
-        with self.stages("gather"):
-            first, bounced = gather_adaptively(self.transported, places, self.plan, seed, near, self.run)
         with self.stages("direct"):
-            sample = receivers.take(np.linspace(0, len(receivers) - 1, min(len(receivers), LEVEL_SAMPLE)).astype(int))
-            few = ReceiverFootprints(self.geometry, sample, self.settings.footprint, seed)
-            level = float(self.direct.irradiance(few, self.run).mean() + first.mean() + bounced.mean())
-            tolerance = level * self.plan.direct_error
-            direct = first + self.direct.irradiance(places, self.run, tolerance, neighbours=near)
+            lamps = self._lamp_level(receivers)
+        with self.stages("gather"):
+            first, bounced = gather_adaptively(self.transported, places, self.plan, lamps, seed, near, self.run)
+        with self.stages("direct"):
+            level = lamps + float(first.mean() + bounced.mean())
+            direct = first + self.direct.irradiance(places, self.run, level * self.plan.direct_error, neighbours=near)
         with self.stages("audit"):
             self.error = self._audit(places, direct, bounced)
         return direct, bounced
+
+    def _lamp_level(self, receivers: Receivers) -> float:
+        """The mean of the lamps' light over a sample of the receivers, W/m2."""
+        sample = receivers.take(np.linspace(0, len(receivers) - 1, min(len(receivers), LEVEL_SAMPLE)).astype(int))
+        places = ReceiverFootprints(self.geometry, sample, self.settings.footprint, self.settings.seed)
+        return float(self.direct.irradiance(places, self.run).mean())
 
     def _audit(self, places: ReceiverFootprints, direct: Float, bounced: Float) -> Any:
         random = np.random.default_rng([AUDIT_SEED, self.settings.seed])

@@ -133,7 +133,7 @@ class _Step:
         self._gather, self._bounce = gather, bounce
         transport = gather.transport
         self._table = transport.leaving()
-        self._width = np.append(transport.extent()[transport.cell_patch], np.float32(0)) * np.float32(NEAR_PATCHES)
+        self._width = transport.width() * np.float32(NEAR_PATCHES)
 
     def follow(self, rays: _Rays) -> None:
         """Bring what is met to the receivers, and trace on where it is near."""

@@ -6,6 +6,7 @@ Nothing here knows a lumel. Whoever has rays asks `light_from(hits)`: what met c
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -86,7 +87,7 @@ class Transport:
         self.cell_middle = np.empty((0, 3), np.float32)
         self.irradiance = np.empty((0, 3), np.float32)
         self.rows: list[Rows] = []
-        self._leaving: Float | None = None
+        self._unsettle()
 
     # --- cells ---------------------------------------------------------------------------------------------------
     def meet(self, sides: NDArray[np.int64]) -> None:
@@ -107,7 +108,6 @@ class Transport:
         self.cell_patch = np.concatenate([self.cell_patch, self.patches.of(spots)])
         more = len(self.patches) - len(self.irradiance)
         self.irradiance = np.concatenate([self.irradiance, np.full((more, 3), np.nan, np.float32)])
-        self._leaving = None
 
     def _spots(self, sides: NDArray[np.int64]) -> Spots:
         third = np.full(len(sides), 1 / 3, np.float32)
@@ -132,7 +132,7 @@ class Transport:
         parts = self._run.map(work, slices(len(sides), CHUNK_RAYS // CELL_SAMPLES))
         return np.concatenate([part[0] for part in parts]), np.concatenate([part[1] for part in parts])
 
-    def extent(self) -> Float:
+    def _extents(self) -> Float:
         """(patches,) float32: how wide each patch is, from the spread of its cells, metres.
 
         The longest side of a box that is evenly filled is sqrt(12) standard deviations; the octree's box may be far
@@ -161,10 +161,33 @@ class Transport:
 
     def leaving(self) -> Float:
         """(cells + 1, 3) float32: radiosity of every met side of a cell, B = E + rho H; the last row is nothing."""
-        if self._leaving is None:
-            known = np.nan_to_num(self.irradiance[self.cell_patch])
-            self._leaving = np.concatenate([self.cell_direct + self.cell_reflectance * known, np.zeros((1, 3), np.float32)])
+        fresh = slice(self._settled, len(self.cell_patch))
+        if fresh.start < fresh.stop or len(self._leaving) != fresh.stop + 1:
+            irradiance = self.irradiance[self.cell_patch[fresh]]
+            added = self.cell_direct[fresh] + self.cell_reflectance[fresh] * np.nan_to_num(irradiance)
+            self._leaving = np.concatenate([self._leaving[: fresh.start], added, np.zeros((1, 3), np.float32)])
+            unsolved = np.flatnonzero(np.isnan(irradiance[:, 0]))
+            self._settled = fresh.start + int(unsolved[0]) if len(unsolved) else fresh.stop
         return self._leaving
+
+    def width(self) -> Float:
+        """(cells + 1,) float32: how wide the patch of every met side of a cell is, metres; the last entry is nothing.
+
+        Patches that were met after the last solve count as wide as their boxes.
+        """
+        if self._extent is None:
+            self._extent, self._width = self._extents(), np.empty(0, np.float32)
+        if len(self._width) != len(self.cell_patch) + 1:
+            known = len(self._extent)
+            self._extent = np.concatenate([self._extent, self.patches.size()[known:]])
+            old = self._width[:-1]
+            self._width = np.concatenate([old, self._extent[self.cell_patch[len(old):]], np.zeros(1, np.float32)])
+        return self._width
+
+    def _unsettle(self) -> None:
+        """Forget what was derived from the patches and their light."""
+        self._settled, self._leaving = 0, np.zeros((1, 3), np.float32)
+        self._extent: Float | None = None
 
     def emission(self) -> Float | None:
         """(cells + 1, 3): the part of `leaving` that is emitted; None if all emitters are lamps."""
@@ -178,9 +201,8 @@ class Transport:
         traced = []
         for part in slices(len(patches), max(1, 2**22 // rays)):
             these = patches[part]
-            order, first, total = self._members()
-            pieces = self._run.map(lambda piece, these=these: self._row_rays(these[piece], rays, order, first, total),  # type: ignore[misc]
-                                   slices(len(these), max(1, CHUNK_RAYS // rays)))
+            start = partial(self._row_rays, these, rays, *self._members(these))
+            pieces = self._run.map(start, slices(len(these), max(1, CHUNK_RAYS // rays)))
             sides = np.concatenate([piece[0] for piece in pieces])
             self.meet(sides.reshape(-1))
             hits = self.cells.rows(sides.reshape(-1)).reshape(sides.shape)
@@ -188,34 +210,38 @@ class Transport:
             traced.append(Rows(these, hits, np.concatenate([piece[2] for piece in pieces]), sky))
         return traced
 
-    def _members(self) -> tuple[Int, Float, Int]:
-        """Met cells in the order of their patches, the running sum of their areas, and where each patch begins."""
-        order = np.argsort(self.cell_patch, kind="stable")
+    def _members(self, patches: NDArray[np.int32]) -> tuple[Int, Float, Int]:
+        """Met cells of some patches in the order of the patches, the running sum of their areas, and where each begins."""
+        place = np.full(len(self.patches), -1, np.int32)
+        place[patches] = np.arange(len(patches))
+        cells = np.flatnonzero(place[self.cell_patch] >= 0)
+        order = cells[np.argsort(place[self.cell_patch[cells]], kind="stable")]
         area = self.cells.area(self.cells.side[order]).astype(np.float64)
         running = np.concatenate([[0.0], np.cumsum(area)])
-        begins = np.searchsorted(self.cell_patch[order], np.arange(len(self.patches) + 1))
+        begins = np.searchsorted(place[self.cell_patch[order]], np.arange(len(patches) + 1))
         return order, running, begins
 
-    def _row_rays(self, patches: NDArray[np.int32], rays: int, order: Int, running: Float,
-                  begins: Int) -> tuple[NDArray[np.int64], Float, NDArray[np.uint8]]:
+    def _row_rays(self, patches: NDArray[np.int32], rays: int, order: Int, running: Float, begins: Int,
+                  part: slice) -> tuple[NDArray[np.int64], Float, NDArray[np.uint8]]:
         """Of some rows' rays (p, rays): sides met, the sky's irradiance (.., 3), the eighth of the box they start in."""
-        low, high = running[begins[patches]], running[begins[patches + 1]]
+        first, last = begins[:-1][part], begins[1:][part]
+        low, high = running[first], running[last]
         # A patch is known by its first member's side: the same points whatever its number.
-        identity = self.cells.side[order[begins[patches]]]
+        identity = self.cells.side[order[first]]
         move = shifts(identity, 4, self._seed + 57)
         points = kronecker(rays, 4)
         place, x, azimuth, height = (shifted(points[:, axis], move[:, axis]) for axis in range(4))
         where = low[:, None] + place.astype(np.float64) * (high - low)[:, None]
         member = np.searchsorted(running, where.reshape(-1), side="right") - 1
-        member = np.clip(member, np.repeat(begins[patches], rays), np.repeat(begins[patches + 1] - 1, rays))
+        member = np.clip(member, np.repeat(first, rays), np.repeat(last - 1, rays))
         side = self.cells.side[order[member]]
         index = np.arange(len(side))
         y = uniform(np.repeat(identity, rays) + index % rays * 7907, 5, self._seed)
         points3, normals = CellFootprints(self.cells, side).sample(index, x.reshape(-1), y)
         directions = cosine_directions(normals, height.reshape(-1, 1), azimuth.reshape(-1, 1))[:, 0]
         _, sides, sky = self.trace(points3, directions)
-        part = self.patches.part(points3, np.repeat(patches, rays))
-        return sides.reshape(-1, rays), np.float32(np.pi) * sky.reshape(-1, rays, 3), part.reshape(-1, rays)
+        eighth = self.patches.part(points3, np.repeat(patches[part], rays))
+        return sides.reshape(-1, rays), np.float32(np.pi) * sky.reshape(-1, rays, 3), eighth.reshape(-1, rays)
 
     # --- solve ---------------------------------------------------------------------------------------------------
     def discover(self, rays: int) -> None:
@@ -250,7 +276,7 @@ class Transport:
             more = len(self.patches) - len(self.irradiance)
             self.irradiance = np.concatenate([self.irradiance, np.full((more, 3), np.nan, np.float32)])
             self.rows = [rows.take(~chosen[rows.patch]) for rows in self.rows if not chosen[rows.patch].all()]
-            self._leaving = None
+            self._unsettle()
         return int(chosen.sum())
 
     def _deviation(self, rows: Rows, table: Float) -> Float:
@@ -293,7 +319,7 @@ class Transport:
         for rows in self.rows:
             solved[rows.patch] = True
         self.irradiance = np.where(solved[:, None], result.value, np.nan).astype(np.float32)
-        self._leaving = None
+        self._unsettle()
         return result
 
     def _mean(self, table: Float, hits: NDArray[np.int32]) -> Float:
@@ -305,7 +331,8 @@ class Transport:
 
     def late(self, rays: int) -> None:
         """Give patches that were met after the solve their light: one gather each from what is solved."""
-        unknown = np.flatnonzero(np.isnan(self.irradiance[:, 0])).astype(np.int32)
+        unknown = np.unique(self.cell_patch[self._settled:])
+        unknown = unknown[np.isnan(self.irradiance[unknown, 0])]
         if not len(unknown):
             return
         traced = self.trace_rows(unknown, rays)
@@ -317,4 +344,3 @@ class Transport:
             part = known[rows.hits].mean(axis=1, dtype=np.float32)[:, None]
             indirect = self._mean(reflected, rows.hits) / np.maximum(part, 1 / rows.hits.shape[1])
             self.irradiance[rows.patch] = rows.mean_sky() + self._mean(direct, rows.hits) + indirect
-        self._leaving = None
