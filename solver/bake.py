@@ -59,6 +59,9 @@ PILOT_TOTAL = 2**18
 # its fair part of what is wanted.
 MOST_REFINEMENTS = 6
 REFINE_SHARE = 3.0
+# Where the triangles that the receivers see have no more cells than this, all of them take part, met or not, and the
+# energy adds up over whole surfaces.
+COMPLETE_CELLS = 2**18
 # Residuals of the linear system that are small enough to see where to split patches, and at the end.
 ROUGH, TOLERANCE = 1e-2, 1e-5
 # The audit's random numbers start here, so that it shares none with the bake.
@@ -103,6 +106,7 @@ class _Work:
             transport = Transport(self.geometry, self.direct, self.sampled_emitter, cells, patches, seed, self.run)
             step = max(1, len(places) * PILOT_RAYS // PILOT_TOTAL)
             self.seen = Gather(transport, PILOT_RAYS, seed + 1).meet(places, np.arange(0, len(places), step), self.run)
+            transport.meet(cells.companions(COMPLETE_CELLS))
         with self.stages("form factors"):
             transport.discover(self.plan.row_rays)
         with self.stages("solve"):
@@ -237,6 +241,7 @@ def _passes(direct: Float, bounced: Float, passes: str) -> Float:
 
 
 def _report(work: _Work, lumels: int) -> dict[str, Any]:
-    balance = energy_balance(work.transported)
+    with work.stages("energy"):
+        balance = energy_balance(work.transported)
     return report(work.scene, work.settings, work.stages, lumels, work.transported, work.error, balance, work.linear,
                   work.warnings)

@@ -81,6 +81,20 @@ class Cells:
         """The row of each side; NOTHING where it has none."""
         return np.where(sides >= 0, self._row_of[np.maximum(sides, 0)] - 1, NOTHING).astype(np.int32)
 
+    def companions(self, most: int) -> NDArray[np.int64]:
+        """All cells on the sides of triangles of which one was met; none where that would be more than `most`."""
+        triangle = self.triangle_of(self.side)
+        face = np.unique(triangle.astype(np.int64) * 2 + (self.side & 1))
+        triangle, front = face >> 1, face & 1
+        count = self._divisions[triangle].prod(axis=1)
+        if count.sum() > most:
+            return np.empty(0, np.int64)
+        number = np.arange(count.sum()) - np.repeat(np.cumsum(count) - count, count)
+        columns = np.repeat(self._divisions[triangle], count, axis=0)
+        i, j = np.divmod(number, columns[:, 1])
+        inside = i / columns[:, 0] + j / columns[:, 1] < 1 - 1e-9
+        return (np.repeat(self._base[triangle] + front, count) + 2 * number)[inside]
+
     def triangle_of(self, side: NDArray[np.int64]) -> NDArray[np.int32]:
         """The triangle of each side."""
         return np.asarray(np.searchsorted(self._base, side, side="right") - 1, np.int32)
