@@ -19,6 +19,7 @@ from .linear import LinearResult
 from .parallel import Run
 from .scene import Scene
 from .settings import Settings
+from .sources import triangle_exitance
 
 if TYPE_CHECKING:
     from .transport import Transport
@@ -85,7 +86,11 @@ class Solution:
         indirect = np.nan_to_num(transport.irradiance)[transport.cell_patch]
         statistics = {"stages": stages.as_list(), "patches": len(transport.patches), "cells": len(cells),
                       "products": linear.products, "residuals": list(linear.residuals)}
-        return cls(mean(transport.leaving()[:-1]), mean(transport.cell_incident + indirect), linear.outcome, statistics)
+        # Cells leave out what lamps emit, so that rays which meet a lamp don't count it twice.
+        of_cells = mean(transport.cell_emission)
+        of_lamps = np.where(of_cells.any(axis=1, keepdims=True), np.float32(0), triangle_exitance(geometry))
+        radiosity = mean(transport.leaving()[:-1]) + of_lamps
+        return cls(radiosity, mean(transport.cell_incident + indirect), linear.outcome, statistics)
 
 
 class Stages:

@@ -156,6 +156,14 @@ def test_the_walls_of_a_cube_get_the_continuums_means_and_not_the_lumped_ones(rh
         validation("P-39", f"mean H, {name}, rho {rho}", right, ours, relative=3e-3)
 
 
+@pytest.mark.parametrize("exitance", [0.5, 100.0])
+def test_radiosity_counts_a_lamps_own_light(exitance):
+    # A board that glows faintly (rays find it) or brightly (a lamp) in a room, rho .5: B = E + rho H on every triangle.
+    room = box((0, 0, 0), (4, 4, 3), emission=0.1) + quad((1.8, 1.8, 2.9), (0, 0.4, 0), (0.4, 0, 0), 0.5, exitance)
+    solution = solve(room.scene(), Settings(error=0.1))
+    assert solution.radiosity[:, 0] == pytest.approx(room.emission + 0.5 * solution.irradiance[:, 0], rel=1e-4)
+
+
 # --- manufactured ----------------------------------------------------------------------------------------------------
 MANUFACTURED = {FLOOR: 2.0, CEILING: 3.0}
 SIDES = 2.5
