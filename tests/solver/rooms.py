@@ -6,6 +6,7 @@ A `Shape` is triangles with reflectance and emission; shapes are added with `+`.
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from functools import reduce
 from typing import Any
 
 import numpy as np
@@ -29,22 +30,23 @@ class Shape:
     @property
     def middle(self) -> np.ndarray:
         """(t, 3): the middle of each triangle."""
-        return self.corners.mean(axis=1)
+        return np.asarray(self.corners.mean(axis=1))
 
     @property
     def cross(self) -> np.ndarray:
         """(t, 3): normals as long as twice the area."""
-        return np.cross(self.corners[:, 1] - self.corners[:, 0], self.corners[:, 2] - self.corners[:, 0])
+        first, second = (self.corners[:, corner] - self.corners[:, 0] for corner in (1, 2))
+        return np.asarray(np.cross(first, second))
 
     @property
     def normal(self) -> np.ndarray:
         """(t, 3): unit normals."""
-        return self.cross / np.linalg.norm(self.cross, axis=1, keepdims=True)
+        return np.asarray(self.cross / np.linalg.norm(self.cross, axis=1, keepdims=True))
 
     @property
     def area(self) -> np.ndarray:
         """(t,): m2."""
-        return np.linalg.norm(self.cross, axis=1) / 2
+        return np.asarray(np.linalg.norm(self.cross, axis=1) / 2)
 
     def moved(self, matrix: Any = 1.0, offset: Any = 0.0) -> Shape:
         """Turned by a matrix (3, 3) or scaled by a number, then shifted."""
@@ -78,11 +80,9 @@ def box(low: Any, high: Any, reflectance: Any = 0.5, emission: Any = 0.0, inward
     x, y, z = np.diag(high - low)
     sides = [(low, x, y), (low + z, y, x), (low, y, z), (low + x, z, y), (low, z, x), (low + y, x, z)]
     rho, exitance = np.broadcast_to(reflectance, 6), np.broadcast_to(emission, 6)
-    out = None
-    for (origin, u, v), r, e in zip(sides, rho, exitance, strict=True):
-        wall = quad(origin, u, v, r, e) if inward else quad(origin, v, u, r, e)
-        out = wall if out is None else out + wall
-    return out
+    walls = [quad(origin, u, v, r, e) if inward else quad(origin, v, u, r, e)
+             for (origin, u, v), r, e in zip(sides, rho, exitance, strict=True)]
+    return reduce(Shape.__add__, walls)
 
 
 def sphere_cap(angle: float, rings: int, segments: int, top: bool = False) -> Shape:
