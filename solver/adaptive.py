@@ -1,9 +1,9 @@
 """Rays where the gather is noisy, and no more of them than the wanted error asks for.
 
-Every receiver is gathered twice, with independent random shifts. Half the difference of the two is a sample of the
-error of their mean; averaged over neighbours it tells where more rays are needed, and averaged over all how good the
-whole is. Given v_i, the variance of receiver i at n rays, and variance falling as n^-1.5 (quasi-random rays), the mean
-variance falls fastest for the rays spent if n_i grows as v_i^(1 / 2.5).
+Every receiver is gathered twice, with independent random shifts, and both looks are smoothed. Half the difference of
+the two is a sample of the error of their mean; averaged over neighbours it tells where more rays are needed, and
+averaged over all how good the whole is. Given v_i, the variance of receiver i at n rays, and variance falling as
+n^-1.5 (quasi-random rays), the mean variance falls fastest for the rays spent if n_i grows as v_i^(1 / 2.5).
 """
 
 from __future__ import annotations
@@ -13,10 +13,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from .footprints import Footprints
+from .footprints import ReceiverFootprints
 from .gather import Gather
+from .neighbours import Neighbours
 from .parallel import Run
 from .plan import Plan
+from .smooth import smooth
 from .transport import Transport
 
 Float = NDArray[np.floating[Any]]
@@ -34,60 +36,56 @@ PRIOR = 0.2
 CLOSE_ENOUGH = 1.1
 
 
-def gather_adaptively(transport: Transport, places: Footprints, plan: Plan, level: float, seed: int,
-                      neighbours: Int | None, run: Run) -> tuple[Float, Float]:
+def gather_adaptively(transport: Transport, places: ReceiverFootprints, plan: Plan, level: float, seed: int,
+                      neighbours: Neighbours | None, run: Run) -> tuple[Float, Float]:
     """Gather until the sampling error is about `plan.gather_error` of the mean light.
 
     Parameters
     ----------
     level : the lamps' mean direct light at the footprints, W/m2; counted with what is gathered.
+    neighbours : of the footprints; None for receivers that have none, which are not smoothed.
 
     Returns
     -------
     (n, 3) float32 irradiance from sky and gathered emitters, and from reflected light, W/m2.
     """
-    everything = np.arange(len(places))
-
     def look(rows: Int, rays: int, number: int) -> Float:
-        gather = Gather(transport, rays, seed + 1000 * number)
-        return np.concatenate(gather.light(places, rows, run), axis=1)
+        return np.concatenate(Gather(transport, rays, seed + 1000 * number).light(places, rows, run), axis=1)
 
     half = plan.gather_rays // 2
-    first, second = look(everything, half, 1), look(everything, half, 2)
-    value = (first + second) / 2
-    rays = np.full(len(places), plan.gather_rays, np.float64)
-    variance = _pooled(((first - second)[:, :3] + (first - second)[:, 3:]), neighbours)
-    for number in range(MOST_ROUNDS):
+    everything = np.arange(len(places))
+    looks = [look(everything, half, 1), look(everything, half, 2)]
+    rays = np.full(len(places), half, np.int64)
+    around = None if neighbours is None else neighbours.at(1)
+    for number in range(MOST_ROUNDS + 1):
+        smoothed = looks if neighbours is None else smooth(looks[0], looks[1], places.receivers, neighbours, run)
+        value = (smoothed[0] + smoothed[1]) / 2
+        variance = _pooled(smoothed[0] - smoothed[1], around)
         wanted = (plan.gather_error * (level + float((value[:, :3] + value[:, 3:]).mean()))) ** 2
-        if variance.mean() <= wanted * CLOSE_ENOUGH**2:
+        if number == MOST_ROUNDS or variance.mean() <= wanted * CLOSE_ENOUGH**2:
             break
-        factor = _factors(variance, wanted, MOST_FACTOR * plan.gather_rays / rays)
-        before = value.copy()
-        for power in range(1, int(np.log2(MOST_FACTOR)) + 1):
-            rows = np.flatnonzero(factor == 2**power)
-            if not len(rows):
-                continue
-            for count in np.unique(rays[rows]):
-                some = rows[rays[rows] == count]
-                more = int(count) * (2**power - 1)
-                found = look(some, more, 10 * (number + 1) + power)
-                value[some] = (value[some] * count + found * more) / (count + more)
-                rays[some] += more
-                variance[some] *= (count / (count + more)) ** RATE
-        # What a receiver moved by is another look at how wrong it was: pool it where it says more than expected.
-        if np.array_equal(before, value):
-            break
+        factor = _factors(variance, wanted, MOST_FACTOR * half / rays)
+        for more, rows in _groups(rays, factor):
+            for which in (0, 1):
+                found = look(rows, more, 10 * (number + 1) + 3 + which)
+                looks[which][rows] += (found - looks[which][rows]) * (more / (rays[rows] + more))[:, None]
+            rays[rows] += more
     return value[:, :3], value[:, 3:]
 
 
-def _pooled(difference: Float, neighbours: Int | None) -> Float:
+def _groups(rays: Int, factor: Float) -> list[tuple[int, Int]]:
+    """How many more rays, for which receivers."""
+    more = np.asarray(rays * (factor - 1), np.int64)
+    return [(int(count), np.flatnonzero(more == count)) for count in np.unique(more) if count > 0]
+
+
+def _pooled(difference: Float, around: Int | None) -> Float:
     """(n,) variance of the mean of two looks, averaged over neighbours, with a part of the average over all."""
-    own = np.square(difference).mean(axis=1) / 4
+    own = np.square(difference[:, :3] + difference[:, 3:]).mean(axis=1) / 4
     pooled = own
-    if neighbours is not None:
-        padded = np.append(own, 0)
-        there = neighbours >= 0
-        pooled = (own + np.where(there, padded[neighbours], 0).sum(axis=1)) / (1 + there.sum(axis=1))
+    if around is not None:
+        there = around >= 0
+        pooled = (own + np.where(there, own[around], 0).sum(axis=1)) / (1 + there.sum(axis=1))
     return np.asarray((1 - PRIOR) * pooled + PRIOR * own.mean(), np.float64)
 
 

@@ -31,6 +31,8 @@ Int = NDArray[np.integer[Any]]
 CHUNK_PATHS = 2**15
 # Independent groups of paths at a receiver, from which its standard error is taken.
 GROUPS = 8
+# Standard errors to either side of an interval of 95 %.
+INTERVAL = 1.96
 # Shadow rays of a receiver and lamp in each group.
 DIRECT_RAYS = 32
 # A path ends for certain after this many bounces (a closed room of reflectance .9 has .9^64 = 1e-3 left).
@@ -58,10 +60,13 @@ class Truth:
 class ErrorBar:
     """Relative errors, as fractions of the mean of the audited light.
 
-    `rms` and `bias` are freed of the audit's noise; `p95` and `worst` are scaled down to the same RMS.
+    `rms` and `bias` are freed of the audit's noise; `p95` and `worst` are scaled down to the same RMS. The true RMS lies
+    between `rms_low` and `rms_high` with a probability of about 95 %.
     """
 
     rms: float
+    rms_low: float
+    rms_high: float
     p95: float
     worst: float
     bias: float
@@ -74,21 +79,24 @@ def error_bar(baked: Float, groups: Float) -> ErrorBar:
     mean = groups.mean(axis=1)
     level = float(mean.mean())
     if level <= 0:
-        return ErrorBar(0.0, 0.0, 0.0, 0.0, 0.0, len(baked))
+        return ErrorBar(0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, len(baked))
     noise = groups.var(axis=1, ddof=1) / groups.shape[1]
     deviation = baked - mean
     # As against a renderer: the largest deviations, one in a thousand and at least one, are left out.
     kept = np.argsort(np.square(deviation).sum(axis=1), kind="stable")[: len(baked) - -(-len(baked) // 1000)]
     if len(kept) > 1:
         deviation, noise = deviation[kept], noise[kept]
-    square = float((deviation**2 - noise).mean())
+    squares = (deviation**2 - noise).mean(axis=1)
+    square = float(squares.mean())
+    doubt = INTERVAL * float(squares.std(ddof=1)) / np.sqrt(len(squares)) if len(squares) > 1 else 0.0
+    low, high = (float(np.sqrt(max(square + sign * doubt, 0.0))) / level for sign in (-1, 1))
     rms = np.sqrt(max(square, 0.0)) / level
     seen = np.sqrt(float((deviation**2).mean())) / level
     shrink = rms / seen if seen > 0 else 0.0
     size = np.abs(deviation).max(axis=1) / level
     per_lumel = deviation.mean(axis=1)
     spread = float(per_lumel.std(ddof=1)) / np.sqrt(len(deviation)) if len(deviation) > 1 else 0.0
-    return ErrorBar(float(rms), float(np.quantile(size, 0.95) * shrink), float(size.max() * shrink),
+    return ErrorBar(float(rms), low, high, float(np.quantile(size, 0.95) * shrink), float(size.max() * shrink),
                     float(per_lumel.mean()) / level, spread / level, len(baked))
 
 

@@ -33,7 +33,7 @@ from .gather import Gather
 from .geometry import Geometry
 from .importance import look_around
 from .lumels import lumels as lay_out
-from .neighbours import neighbours
+from .neighbours import Neighbours
 from .parallel import Run
 from .patches import Patches
 from .plan import plan
@@ -132,7 +132,7 @@ class _Work:
         reflectance = reflectance / np.maximum(np.bincount(transport.cell_patch, minlength=len(transport.patches)), 1)
         return REFINE_SHARE * self.settings.error * level / np.sqrt(max(self.plan.patches, 1)), np.sqrt(share) * reflectance
 
-    def light(self, receivers: Receivers, near: NDArray[np.int32] | None = None) -> tuple[Float, Float]:
+    def light(self, receivers: Receivers, near: Neighbours | None = None) -> tuple[Float, Float]:
         """Direct (with the sky's and gathered emitters') and indirect irradiance of receivers: (n, 3) each, W/m2."""
         seed = self.settings.seed
         places = ReceiverFootprints(self.geometry, receivers, self.settings.footprint, seed)
@@ -143,7 +143,8 @@ class _Work:
             first, bounced = gather_adaptively(self.transported, places, self.plan, lamps, seed, near, self.run)
         with self.stages("direct"):
             level = lamps + float(first.mean() + bounced.mean())
-            direct = first + self.direct.irradiance(places, self.run, level * self.plan.direct_error, neighbours=near)
+            direct = first + self.direct.irradiance(places, self.run, level * self.plan.direct_error,
+                                                    neighbours=None if near is None else near.at(1))
         with self.stages("audit"):
             self.error = self._audit(places, direct, bounced)
         return direct, bounced
@@ -188,7 +189,7 @@ def bake(scene: Scene, settings: Settings, progress: Progress | None = None,
         return _bake_vertices(work)
     with work.stages("lumels"):
         lumels = lay_out(scene, settings, work.warnings, work.run.report)
-        near = neighbours(lumels)
+        near = Neighbours(lumels)
     direct, bounced = work.light(lumels.receivers, near)
     with work.stages("finish"):
         triangle = lumels.receivers.triangle

@@ -45,9 +45,9 @@ def plan(error: float, distance: float) -> Plan:
         cell_size=CELL_SHARE * distance / finer**0.5,
         row_rays=int(np.clip(256 * finer, 64, 1024)),
         gather_rays=gather,
-        gather_error=0.6 * error,
+        gather_error=0.27 * error,
         direct_error=0.5 * error,
-        audit_lumels=512,
+        audit_lumels=1024,
         # The audit's noise at one lumel, about 1 / sqrt(paths), may be three times the error that it is to see.
         audit_paths=int(np.clip(0.15 / error**2, 16, 2048)),
     )
