@@ -35,7 +35,7 @@ def complete(report: dict[str, Any], *, scene: str, blender: str, settings: Sett
 
 
 def reached(report: dict[str, Any]) -> bool:
-    """Whether the wanted error may be reached, as far as the audit can tell: it is not if its whole interval is above."""
+    """Whether the wanted error may be reached, as far as the audit can tell: not if its whole interval is above."""
     return bool(report["error"]["estimated"]["rms_low"] <= report["error"]["wanted"])
 
 

@@ -60,8 +60,8 @@ class Truth:
 class ErrorBar:
     """Relative errors, as fractions of the mean of the audited light.
 
-    `rms` and `bias` are freed of the audit's noise; `p95` and `worst` are scaled down to the same RMS. The true RMS lies
-    between `rms_low` and `rms_high` with a probability of about 95 %.
+    `rms` and `bias` are freed of the audit's noise; `p95` and `worst` are scaled down to the same RMS. The true RMS
+    lies between `rms_low` and `rms_high` with a probability of about 95 %.
     """
 
     rms: float
@@ -110,7 +110,8 @@ class Auditor:
     seed : must differ from the bake's.
     """
 
-    def __init__(self, geometry: Geometry, lights: Sequence[Light], sampled_emitter: NDArray[np.bool_], seed: int) -> None:
+    def __init__(self, geometry: Geometry, lights: Sequence[Light], sampled_emitter: NDArray[np.bool_],
+                 seed: int) -> None:
         self.geometry, self.lights, self._lamp = geometry, tuple(lights), sampled_emitter
         self.seed = seed
         power = np.array([_brightness(light, geometry) for light in self.lights])
@@ -129,8 +130,8 @@ class Auditor:
     def _direct(self, places: Footprints, rows: Int, run: Run) -> Float:
         """The lamps' light at footprints `rows`, in independent groups: (k, groups, 3)."""
         some = _Some(places, rows)
-        return np.stack([DirectLight(self.geometry, self.lights, self.seed + 1 + group).irradiance(some, run, pilot=DIRECT_RAYS)
-                         for group in range(GROUPS)], axis=1)
+        samplers = (DirectLight(self.geometry, self.lights, self.seed + 1 + group) for group in range(GROUPS))
+        return np.stack([sampler.irradiance(some, run, pilot=DIRECT_RAYS) for sampler in samplers], axis=1)
 
     def _paths(self, places: Footprints, rows: Int, each: int, generator: np.random.Generator,
                run: Run) -> tuple[Float, Float]:
@@ -153,8 +154,8 @@ class Auditor:
             met = hits.triangle >= 0
             if not self.geometry.scene.sky.is_black:
                 missed = np.flatnonzero(~met)
-                light = np.float32(np.pi) * skies.radiance(self.geometry.scene.sky, directions[missed]) * carried[missed]
-                (direct if bounce == 0 else indirect)[alive[missed]] += light
+                light = np.float32(np.pi) * skies.radiance(self.geometry.scene.sky, directions[missed])
+                (direct if bounce == 0 else indirect)[alive[missed]] += light * carried[missed]
             here = np.flatnonzero(met)
             if not len(here):
                 break

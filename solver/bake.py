@@ -26,7 +26,6 @@ from .cells import Cells
 from .direct import DirectLight
 from .energy import energy_balance
 from .errors import NothingToBake
-
 from .finish import to_images
 from .footprints import ReceiverFootprints
 from .gather import Gather
@@ -46,7 +45,6 @@ from .settings import Settings
 from .shells import Shells
 from .sources import light_sources
 from .transport import Transport
-
 from .vertices import corner_receivers
 
 Float = NDArray[np.floating[Any]]
@@ -130,7 +128,8 @@ class _Work:
         level = float(transport.leaving().mean(axis=1)[self.seen].mean())
         reflectance = np.bincount(transport.cell_patch, transport.cell_reflectance.mean(axis=1), len(transport.patches))
         reflectance = reflectance / np.maximum(np.bincount(transport.cell_patch, minlength=len(transport.patches)), 1)
-        return REFINE_SHARE * self.settings.error * level / np.sqrt(max(self.plan.patches, 1)), np.sqrt(share) * reflectance
+        tolerance = REFINE_SHARE * self.settings.error * level / np.sqrt(max(self.plan.patches, 1))
+        return tolerance, np.sqrt(share) * reflectance
 
     def light(self, receivers: Receivers, near: Neighbours | None = None) -> tuple[Float, Float]:
         """Direct (with the sky's and gathered emitters') and indirect irradiance of receivers: (n, 3) each, W/m2."""
@@ -196,10 +195,10 @@ def bake(scene: Scene, settings: Settings, progress: Progress | None = None,
         albedo = work.geometry.reflectance(triangle, *lumels.receivers.barycentric.T)
         values = encode(_passes(direct, bounced, settings.passes), settings.quantity, albedo)
         images = to_images(lumels, values, settings)
-        lightmaps = tuple(
-            Lightmap(page.name, pixels, tuple(surface.name for surface, place in
-                                              zip(scene.surfaces, lumels.page_of_surface, strict=True) if place == number))
-            for number, (page, pixels) in enumerate(zip(lumels.pages, images, strict=True)))
+        placed = [(surface.name, int(page)) for surface, page in
+                  zip(scene.surfaces, lumels.page_of_surface, strict=True)]
+        lightmaps = tuple(Lightmap(page.name, pixels, tuple(name for name, place in placed if place == number))
+                          for number, (page, pixels) in enumerate(zip(lumels.pages, images, strict=True)))
     return Bake(lightmaps, lumels.uv, lumels.page_of_surface, None, _report(work, len(lumels)))
 
 

@@ -93,7 +93,7 @@ class Cells:
         columns = np.repeat(self._divisions[triangle], count, axis=0)
         i, j = np.divmod(number, columns[:, 1])
         inside = i / columns[:, 0] + j / columns[:, 1] < 1 - 1e-9
-        return (np.repeat(self._base[triangle] + front, count) + 2 * number)[inside]
+        return np.asarray((np.repeat(self._base[triangle] + front, count) + 2 * number)[inside])
 
     def triangle_of(self, side: NDArray[np.int64]) -> NDArray[np.int32]:
         """The triangle of each side."""

@@ -87,7 +87,7 @@ class DirectLight:
         return total
 
     def unoccluded(self, light: Light, places: Footprints, rows: Int) -> Float:
-        """Closed-form irradiance at the footprints' middles over the lamp's colour: (n,) float32; nan if it has none."""
+        """Closed-form irradiance at the footprints' middles over the lamp's colour: (n,) float32; nan if none."""
         half = np.full(len(rows), 0.5, np.float32)
         points, normals = places.sample(rows, half, half)
         closed = light.irradiance(points, normals)
@@ -136,7 +136,8 @@ class DirectLight:
             count *= 4
         return value
 
-    def _sums(self, light: Light, number: int, places: Footprints, rows: Int, start: int, count: int, run: Run) -> _Sums:
+    def _sums(self, light: Light, number: int, places: Footprints, rows: Int, start: int, count: int,
+              run: Run) -> _Sums:
         """Sums over shadow rays start ... start + count - 1 of the point set."""
         set_of_points = kronecker(count, 4, start)
 
@@ -196,7 +197,7 @@ def _ratio(sums: _Sums, count: int) -> tuple[Float, Float]:
 
 def _doubtful(sums: _Sums, rows: Int, count: int, neighbours: Int | None) -> NDArray[np.bool_]:
     """Footprints whose rays, or whose neighbours' rays, did not all agree; and all of a lamp without closed form."""
-    doubt = np.asarray((sums.met > 0) & (sums.met < sums.tried)) | np.isnan(sums.closed)
+    doubt = np.asarray((sums.met > 0) & (sums.met < sums.tried) | np.isnan(sums.closed))
     if neighbours is None:
         return doubt
     # 0: not asked, 1: all free, 2: none free, 3: mixed

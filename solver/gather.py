@@ -169,7 +169,7 @@ class _Step:
 
     def _identity(self, rays: _Rays, which: Int) -> Int:
         count = self._gather.count
-        return rays.rows[which // count] * np.int64(count) + which % count
+        return np.asarray(rays.rows[which // count] * np.int64(count) + which % count)
 
     def _trace_on(self, rays: _Rays, near: Int) -> None:
         transport = self._gather.transport

@@ -149,7 +149,7 @@ class Patches:
             numbers[place] = number
         self.key = np.concatenate([self.key, np.array(fresh, np.uint64)])
         self.level = np.concatenate([self.level, np.full(len(fresh), level, np.int32)])
-        return numbers[inverse.reshape(-1)]
+        return np.asarray(numbers[inverse.reshape(-1)])
 
     def _add_split(self, level: int, keys: Keys) -> None:
         self._split[level] = np.union1d(self._split[level], keys)

@@ -71,6 +71,7 @@ def _filter(job: tuple[slice, Float, Float, Receivers, Int, Float]) -> tuple[Flo
         excess = np.maximum(apart - noise, 0) / np.maximum(noise * np.float32(DEVIATIONS**2), np.float32(1e-30))
         weight = kernel * np.exp(-excess)
         total = 1 + weight.sum(axis=1)
-        out.append(np.asarray((source[part] + np.einsum("nk,nkc->nc", weight, source[others])) / total[:, None], np.float32))
+        around = np.einsum("nk,nkc->nc", weight, source[others])
+        out.append(np.asarray((source[part] + around) / total[:, None], np.float32))
         power += (variance[part] + (weight**2 * variance[others]).sum(axis=1)) / total**2 / 2
     return out[0], out[1], power

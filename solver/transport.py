@@ -54,7 +54,8 @@ class Rows:
 
     def take(self, index: NDArray[Any]) -> Rows:
         """Some of the rows."""
-        return Rows(self.patch[index], self.hits[index], self.part[index], None if self.sky is None else self.sky[index])
+        sky = None if self.sky is None else self.sky[index]
+        return Rows(self.patch[index], self.hits[index], self.part[index], sky)
 
     def mean_sky(self) -> Float:
         """(p, 3) W/m2."""
@@ -73,6 +74,12 @@ class Transport:
     cell_patch : (cells,) int32.
     irradiance : (patches, 3) float32, indirect irradiance H of each patch with the sky's in it; nan where unsolved.
     """
+
+    # What `_unsettle` forgets.
+    _settled: int
+    _leaving: Float
+    _extent: Float | None
+    _width: Float
 
     def __init__(self, geometry: Geometry, direct: DirectLight, sampled_emitter: NDArray[np.bool_], cells: Cells,
                  patches: Patches, seed: int, run: Run) -> None:
@@ -144,7 +151,8 @@ class Transport:
         for axis in range(3):
             place = self.cell_middle[:, axis].astype(np.float64)
             mean = np.bincount(self.cell_patch, place, count) / number
-            square = np.maximum(square, np.bincount(self.cell_patch, (place - mean[self.cell_patch]) ** 2, count) / number)
+            deviation = (place - mean[self.cell_patch]) ** 2
+            square = np.maximum(square, np.bincount(self.cell_patch, deviation, count) / number)
         return np.asarray(np.minimum(np.sqrt(12 * square), self.patches.size()), np.float32)
 
     # --- rays ----------------------------------------------------------------------------------------------------
@@ -187,7 +195,7 @@ class Transport:
     def _unsettle(self) -> None:
         """Forget what was derived from the patches and their light."""
         self._settled, self._leaving = 0, np.zeros((1, 3), np.float32)
-        self._extent: Float | None = None
+        self._extent = None
 
     def emission(self) -> Float | None:
         """(cells + 1, 3): the part of `leaving` that is emitted; None if all emitters are lamps."""
@@ -211,7 +219,7 @@ class Transport:
         return traced
 
     def _members(self, patches: NDArray[np.int32]) -> tuple[Int, Float, Int]:
-        """Met cells of some patches in the order of the patches, the running sum of their areas, and where each begins."""
+        """Met cells of some patches in the patches' order, the running sum of their areas, and where each begins."""
         place = np.full(len(self.patches), -1, np.int32)
         place[patches] = np.arange(len(patches))
         cells = np.flatnonzero(place[self.cell_patch] >= 0)
@@ -223,7 +231,7 @@ class Transport:
 
     def _row_rays(self, patches: NDArray[np.int32], rays: int, order: Int, running: Float, begins: Int,
                   part: slice) -> tuple[NDArray[np.int64], Float, NDArray[np.uint8]]:
-        """Of some rows' rays (p, rays): sides met, the sky's irradiance (.., 3), the eighth of the box they start in."""
+        """Of some rows' rays (p, rays): sides met, the sky's irradiance (.., 3), the eighth they start in."""
         first, last = begins[:-1][part], begins[1:][part]
         low, high = running[first], running[last]
         # A patch is known by its first member's side: the same points whatever its number.
