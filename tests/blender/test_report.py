@@ -16,13 +16,13 @@ from radiosity.radiosity_addon.request import Request, folder_beside
 from radiosity.solver.errors import OutputError, SettingsError
 
 
-def with_error(rms: Any) -> dict[str, Any]:
-    return {"error": {"wanted": 0.03, "estimated": {"rms": rms}}}
+def with_error(low: float) -> dict[str, Any]:
+    return {"error": {"wanted": 0.03, "estimated": {"rms": low + 0.01, "rms_low": low, "rms_high": low + 0.02}}}
 
 
-@pytest.mark.parametrize(("rms", "reached"), [(0.029, True), (0.03, True), (0.031, False), (None, True)])
-def test_the_wanted_error_is_reached_or_not(rms: Any, reached: bool) -> None:
-    assert report.reached(with_error(rms)) is reached
+@pytest.mark.parametrize(("low", "reached"), [(0.0, True), (0.03, True), (0.031, False)])
+def test_the_wanted_error_is_missed_only_where_the_whole_interval_is_above_it(low: float, reached: bool) -> None:
+    assert report.reached(with_error(low)) is reached
 
 
 def test_the_report_is_plain_json_whatever_is_in_it(tmp_path: Path) -> None:
