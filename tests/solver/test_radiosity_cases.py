@@ -137,10 +137,13 @@ def test_two_plates_that_glow_alike(judge, validation):
     validation("P-35", "mean B", 1.190755824995, _mean(solution.radiosity, low + high), relative=0.01)
 
 
-def test_two_long_plates_near_each_other(validation):
+def test_two_long_plates_near_each_other(judge, validation):
     # 2 x 1, gap .5, open, rho .9 and .5, E 1 and 0.
     low, high = _plates(2, 0.5, (0.9, 0.5), (1, 0))
     scene = (low + high).scene()
+    found = _at(scene, 0.03, [((1, 0.5, 0), UP), ((1, 0.5, 0.5), DOWN), ((0, 0, 0.5), DOWN)])
+    exact = [0.22490994674, 0.78147929703, 0.24684420721]
+    judge("P-36", ["H1 centre", "H2 centre", "H2 corner"], exact, found, 0.03)
     solution = solve(scene, Settings(error=0.1))
     validation("P-36", "mean B1", 1.13966047939, _mean(solution.radiosity, low), relative=0.01)
     validation("P-36", "mean B2", 0.29195769861, _mean(solution.radiosity[2:], high), relative=0.01)

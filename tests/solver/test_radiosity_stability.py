@@ -84,6 +84,13 @@ def test_one_thread_and_two_give_the_same_bits(as_it_is):
     assert np.array_equal(_light(_furnished().scene(), *_places(), threads=1), as_it_is)
 
 
+def test_another_seed_gives_other_bits_of_the_same_light(as_it_is):
+    # Two bakes of independent errors differ by the root of two times as much.
+    found = _light(_furnished().scene(), *_places(), seed=5)
+    assert not np.array_equal(found, as_it_is)
+    assert _differ(found, as_it_is) < 2**0.5 * ERROR
+
+
 @pytest.mark.parametrize("lost", [1e-3, 1e-4])
 def test_a_closed_room_that_absorbs_next_to_nothing_is_solved(lost):
     # Rho .999 and .9999: mean H = flux / (area (1 - rho)), a thousand or ten thousand times the direct light.
