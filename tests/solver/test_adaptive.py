@@ -1,0 +1,74 @@
+"""How rays are shared out: to the wanted mean variance, with the fewest rays."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from radiosity.solver.adaptive import RATE, _factors, _groups, _pooled
+
+COUNT = 5000
+
+
+def _variance(seed=0):
+    return np.random.default_rng(seed).lognormal(0, 1.5, COUNT)
+
+
+def _unrounded(variance, wanted):
+    """The best factors, found by scanning the multiplier: n_i ~ v_i^(1 / (1 + RATE)), at least 1 and at most 32."""
+    powers = (variance / wanted) ** (1 / (1 + RATE))
+    multipliers = np.geomspace(1e-3, 1e6, 20000)
+    for multiplier in multipliers:
+        factor = np.clip(multiplier * powers, 1, 32)
+        if (variance * factor**-RATE).mean() <= wanted:
+            return factor
+    raise AssertionError("out of reach")
+
+
+def test_nothing_is_added_where_the_error_is_met():
+    # Mean variance half of what is wanted.
+    variance = _variance()
+    assert (_factors(variance, 2 * variance.mean(), np.full(COUNT, 32.0)) == 1).all()
+
+
+@pytest.mark.parametrize("times", [2, 5, 20, 60])
+def test_the_wanted_variance_is_about_reached_with_about_the_fewest_rays(times):
+    # Factors are rounded to powers of two: variance by up to 2^(RATE / 2), on the average far less.
+    variance = _variance()
+    wanted = variance.mean() / times
+    factor = _factors(variance, wanted, np.full(COUNT, 32.0))
+    assert (variance * factor**-RATE).mean() == pytest.approx(wanted, rel=0.35)
+    assert factor.mean() == pytest.approx(_unrounded(variance, wanted).mean(), rel=0.2)
+    assert set(np.log2(factor) % 1) == {0}
+
+
+def test_noisier_receivers_get_no_fewer_rays():
+    # Sorted by variance, factors are sorted.
+    variance = np.sort(_variance())
+    factor = _factors(variance, variance.mean() / 10, np.full(COUNT, 32.0))
+    assert (np.diff(factor) >= 0).all()
+    assert factor[-1] > factor[0]
+
+
+def test_even_noise_is_answered_by_the_law_of_quasi_random_rays():
+    # Variance 8^1.5 times too large everywhere: 8 times the rays.
+    assert (_factors(np.full(100, 8.0**1.5), 1.0, np.full(100, 32.0)) == 8).all()
+
+
+def test_no_receiver_gets_more_than_the_most():
+    # A variance out of any reach: each at its own bound.
+    most = np.where(np.arange(100) < 50, 4.0, 32.0)
+    assert np.array_equal(_factors(np.full(100, 1e12), 1.0, most), most)
+
+
+def test_receivers_of_equal_need_are_asked_together():
+    # Rays 10, 10, 20, 10 times factors 1, 2, 2, 4: 0, 10, 20, 30 more.
+    groups = _groups(np.array([10, 10, 20, 10]), np.array([1.0, 2, 2, 4]))
+    assert [(count, rows.tolist()) for count, rows in groups] == [(10, [1]), (20, [2]), (30, [3])]
+
+
+def test_the_pooled_variance_of_two_looks_is_that_of_their_mean():
+    # Looks of noise 1 in every channel: their mean has variance 1/2; emitted and reflected light count together.
+    rng = np.random.default_rng(5)
+    difference = np.zeros((200_000, 6), np.float32)
+    difference[:, :3] = rng.normal(size=(200_000, 3)) - rng.normal(size=(200_000, 3))
+    assert _pooled(difference, None).mean() == pytest.approx(0.5, rel=0.01)

@@ -1,0 +1,128 @@
+"""Cells of triangles: areas that add up, places that lie where the cell is, rows in the order of meeting."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from radiosity.solver.cells import NOTHING, Cells
+from radiosity.solver.geometry import Geometry
+from radiosity.tests.solver.rooms import shape
+
+TRIANGLES = {
+    "right-angled": [[0, 0, 0], [1, 0, 0], [0, 1, 0]],
+    "turned": [[0, 1, 0], [0, 0, 0], [1, 0, 0]],
+    "needle": [[0, 0, 0], [3, 0, 0], [1, 0.02, 0]],
+    "oblique": [[0.1, -0.3, 0.2], [1, 0.4, 0.9], [0.3, 1.1, -0.5]],
+}
+
+
+def _cells(corners, size):
+    return Cells(Geometry(shape(corners).scene()), size)
+
+
+def _all_sides(cells, count=400):
+    """The sides that a fine lattice over every triangle meets."""
+    step = (np.arange(count) + 0.5) / count
+    u, v = (each.reshape(-1).astype(np.float32) for each in np.meshgrid(step, step))
+    inside = u + v < 1
+    u, v = u[inside], v[inside]
+    triangles = len(cells.geometry.area)
+    triangle = np.repeat(np.arange(triangles), len(u))
+    u, v = np.tile(u, triangles), np.tile(v, triangles)
+    return np.unique(np.concatenate([cells.sides(triangle, u, v, np.full(len(u), front)) for front in (False, True)]))
+
+
+@pytest.mark.parametrize("name", TRIANGLES)
+@pytest.mark.parametrize("size", [10.0, 0.3, 0.07])
+def test_cells_areas_add_up_to_the_triangles_on_either_side(name, size):
+    # The companions of one met side are all the cells on that side: their areas are the triangle's.
+    cells = _cells([TRIANGLES[name]], size)
+    third = np.full(1, 1 / 3, np.float32)
+    for front in (False, True):
+        cells.meet(cells.sides(np.zeros(1, int), third, third, np.array([front])))
+    every = cells.companions(10**6)
+    for front in (0, 1):
+        assert cells.area(every[every & 1 == front]).sum() == pytest.approx(cells.geometry.area[0], rel=1e-5)
+
+
+@pytest.mark.parametrize("name", TRIANGLES)
+def test_a_place_in_a_cell_lies_in_that_cell(name):
+    # sides(places(side, x, y)) = side, but for rounding at the rim: x and y keep 1 % off it.
+    cells = _cells([TRIANGLES[name]], 0.07)
+    sides = _all_sides(cells, 150)
+    x, y = np.random.default_rng(1).uniform(0.01, 0.99, (2, len(sides)))
+    back = cells.sides(*cells.places(sides, x, y))
+    near_rim = back != sides
+    assert near_rim.mean() < 0.002
+
+
+@pytest.mark.parametrize("name", TRIANGLES)
+def test_places_spread_evenly_over_the_triangle(name):
+    # Cells drawn by area, places drawn evenly: the mean barycentric coordinates are 1/3, E[u^2] = 1/6, E[uv] = 1/12.
+    cells = _cells([TRIANGLES[name]], 0.2)
+    sides = _all_sides(cells)
+    sides = sides[sides & 1 == 1]
+    rng = np.random.default_rng(2)
+    area = cells.area(sides).astype(float)
+    count = 200_000
+    drawn = rng.choice(sides, count, p=area / area.sum())
+    _, u, v, _ = cells.places(drawn, *rng.random((2, count)))
+    deviation = 4 * 0.25 / count**0.5
+    assert [u.mean(), v.mean()] == pytest.approx([1 / 3] * 2, abs=deviation)
+    assert [(u * u).mean(), (v * v).mean(), (u * v).mean()] == pytest.approx([1 / 6, 1 / 6, 1 / 12], abs=deviation)
+
+
+@pytest.mark.parametrize("name", TRIANGLES)
+def test_places_lie_inside_the_triangle_at_the_corners_of_the_unit_square_too(name):
+    # u, v >= 0 and u + v <= 1, up to float32's rounding.
+    cells = _cells([TRIANGLES[name]], 0.07)
+    sides = _all_sides(cells)
+    for x in (0.0, 0.5, 1 - 2.0**-24):
+        for y in (0.0, 0.5, 1 - 2.0**-24):
+            _, u, v, _ = cells.places(sides, np.full(len(sides), x), np.full(len(sides), y))
+            assert min(u.min(), v.min()) >= -1e-6
+            assert (u + v).max() <= 1 + 1e-6
+
+
+def test_cells_are_about_as_long_as_wide_on_a_thin_triangle():
+    # A right-angled sliver of 4 x .1 m with cells of .1 m: 40 along its long leg, 1 across.
+    cells = _cells([[[0, 0, 0], [4, 0, 0], [0, 0.1, 0]]], 0.1001)
+    assert len(_all_sides(cells)) == 2 * 40
+
+
+def test_a_triangle_smaller_than_the_size_is_one_cell_with_two_sides():
+    # Half a square metre, size 10 m: sides 0 (back) and 1 (front), each of the triangle's area.
+    cells = _cells([TRIANGLES["right-angled"]], 10.0)
+    sides = _all_sides(cells)
+    assert sides.tolist() == [0, 1]
+    assert cells.area(sides) == pytest.approx([0.5, 0.5])
+
+
+def test_rows_are_given_once_and_in_the_order_of_meeting():
+    # Met: 5, 3, 3, sky; then 3, 1. Rows: 3 -> 0, 5 -> 1, 1 -> 2; what was not met has none.
+    cells = _cells([TRIANGLES["right-angled"]], 0.3)
+    assert cells.meet(np.array([5, 3, 3, NOTHING])) == slice(0, 2)
+    assert cells.meet(np.array([3, 1])) == slice(2, 3)
+    assert cells.meet(np.array([3, 5, NOTHING])) == slice(3, 3)
+    assert cells.side.tolist() == [3, 5, 1]
+    assert cells.rows(np.array([1, 3, 5, 0, NOTHING])).tolist() == [2, 0, 1, NOTHING, NOTHING]
+
+
+def test_a_missed_ray_has_no_side():
+    # Triangle -1.
+    cells = _cells([TRIANGLES["right-angled"]], 0.3)
+    nothing = np.zeros(1, np.float32)
+    assert cells.sides(np.array([-1]), nothing, nothing, np.array([True])).tolist() == [NOTHING]
+
+
+def test_companions_are_all_cells_that_have_an_area_or_none_where_there_are_too_many():
+    # The lattice meets every cell of more than a sliver; companions of one cell are those of its side alone.
+    cells = _cells(list(TRIANGLES.values()), 0.3)
+    sides = _all_sides(cells)
+    wanted = sides[(cells.triangle_of(sides) == 3) & (sides & 1 == 1)]
+    cells.meet(wanted[:1])
+    found = cells.companions(1000)
+    assert np.isin(wanted, found).all()
+    assert set(cells.triangle_of(found)) == {3}
+    assert (cells.area(found) > 0).all()
+    assert len(cells.companions(3)) == 0

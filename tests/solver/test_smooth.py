@@ -1,0 +1,103 @@
+"""The filter of gathered light: noise falls, edges and means stay, and no light goes round a corner."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from radiosity.solver.neighbours import Neighbours
+from radiosity.solver.parallel import Run
+from radiosity.solver.smooth import smooth
+from radiosity.tests.solver.test_neighbours import lumels
+
+SIDE = 64
+NOISE = 0.1
+
+
+def _plane(normal=(0, 0, 1)):
+    """A square image of receivers that face one way."""
+    flat = lumels(SIDE, SIDE, range(SIDE**2))
+    normals = np.broadcast_to(np.asarray(normal, np.float32), (SIDE**2, 3))
+    return flat, replace(flat.receivers, normal=normals)
+
+
+def _looks(truth, noise=NOISE, seed=1):
+    """Two noisy looks (n, 6) at the same light (n,), reflected light only, the channels alike."""
+    out = []
+    for generator in (np.random.default_rng([seed, number]) for number in (0, 1)):
+        look = np.zeros((len(truth), 6), np.float32)
+        look[:, 3:] = (truth + noise * generator.normal(size=len(truth)))[:, None]
+        out.append(look)
+    return out
+
+
+def _smoothed(truth, receivers, flat, noise=NOISE, seed=1):
+    first, second = smooth(*_looks(truth, noise, seed), receivers, Neighbours(flat), Run(1))
+    return first[:, 3], second[:, 3]
+
+
+def test_even_light_without_noise_stays_to_the_bit_of_rounding():
+    # Two equal looks at the value 1.
+    flat, receivers = _plane()
+    first, second = _smoothed(np.ones(SIDE**2), receivers, flat, noise=0)
+    assert first == pytest.approx(1, rel=1e-6)
+    assert np.array_equal(first, second)
+
+
+def test_noise_on_even_light_falls_and_its_mean_stays():
+    # Truth 1, noise .1 a look: the mean of the looks has .0707. The mean over n texels moves by no more than its noise.
+    flat, receivers = _plane()
+    first, second = _smoothed(np.ones(SIDE**2), receivers, flat)
+    value = (first + second) / 2
+    assert value.std() < NOISE / 2**0.5 / 3
+    assert value.mean() == pytest.approx(1, abs=4 * NOISE / 2**0.5 / SIDE)
+
+
+def test_an_edge_of_many_times_the_noise_stays():
+    # 1 on the left, 3 on the right, noise .1: the texels beside the edge keep their side's value.
+    flat, receivers = _plane()
+    right = np.arange(SIDE**2) % SIDE >= SIDE // 2
+    truth = np.where(right, 3.0, 1.0)
+    value = sum(_smoothed(truth, receivers, flat)) / 2
+    beside = np.isin(np.arange(SIDE**2) % SIDE, (SIDE // 2 - 1, SIDE // 2))
+    assert (value - truth)[beside].mean() == pytest.approx(0, abs=0.01)
+    assert (value - truth)[beside].std() < NOISE
+
+
+def test_no_light_goes_round_a_corner():
+    # The left half faces up, the right half sideways: 1 and 1.05, an edge far below the noise, is not blurred away.
+    flat, receivers = _plane()
+    right = np.arange(SIDE**2) % SIDE >= SIDE // 2
+    receivers = replace(receivers, normal=np.where(right[:, None], (1, 0, 0), (0, 0, 1)).astype(np.float32))
+    first, second = _looks(np.where(right, 1.05, 1.0))
+    changed_first, changed_second = first.copy(), second.copy()
+    changed_first[right] *= 2
+    changed_second[right] *= 2
+    run, near = Run(1), Neighbours(flat)
+    before = smooth(first, second, receivers, near, run)
+    after = smooth(changed_first, changed_second, receivers, near, run)
+    # Only the noise's level, pooled from the eight beside and theirs, reaches across: three texels by the first step.
+    deep = np.arange(SIDE**2) % SIDE < SIDE // 2 - 20
+    assert np.array_equal(before[0][deep], after[0][deep])
+    left = ~right
+    assert after[0][left, 3].mean() == pytest.approx(1.0, abs=0.01)
+
+
+def test_a_slope_of_light_keeps_its_place():
+    # Light 1 ... 2 across 64 texels, noise .1: the filter is symmetric, so that inside a slope's mean is its own.
+    flat, receivers = _plane()
+    x = np.arange(SIDE**2) % SIDE
+    truth = 1 + x / (SIDE - 1)
+    value = sum(_smoothed(truth, receivers, flat)) / 2
+    inner = (x > 8) & (x < SIDE - 9)
+    assert (value - truth)[inner].mean() == pytest.approx(0, abs=0.01)
+
+
+def test_threads_change_no_bit():
+    # One thread and three.
+    flat, receivers = _plane()
+    first, second = _looks(np.ones(SIDE**2))
+    one, three = (smooth(first, second, receivers, Neighbours(flat), Run(threads)) for threads in (1, 3))
+    assert np.array_equal(one[0], three[0])
+    assert np.array_equal(one[1], three[1])
