@@ -75,8 +75,10 @@ class ErrorBar:
 
 
 def error_bar(baked: Float, groups: Float) -> ErrorBar:
-    """Compare baked values (k, 3) with independent estimates (k, groups, 3)."""
-    mean = groups.mean(axis=1)
+    """Compare baked values (k, 3) with independent estimates (k, groups, 3); unlit ones do not count."""
+    lit = groups.any(axis=(1, 2))
+    baked, groups = baked[lit], groups[lit]
+    mean = groups.mean(axis=1) if len(groups) else np.zeros((1, 3))
     level = float(mean.mean())
     if level <= 0:
         return ErrorBar(0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, len(baked))

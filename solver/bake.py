@@ -21,7 +21,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .adaptive import gather_adaptively
-from .audit import Auditor, error_bar
+from .audit import Auditor, ErrorBar, error_bar
 from .cells import Cells
 from .direct import DirectLight
 from .energy import energy_balance
@@ -30,13 +30,13 @@ from .finish import to_images
 from .footprints import ReceiverFootprints
 from .gather import Gather
 from .geometry import Geometry
-from .importance import look_around
+from .importance import Importance, look_around
 from .lumels import lumels as lay_out
 from .neighbours import Neighbours
 from .parallel import Run
 from .patches import Patches
 from .plan import plan
-from .probes import probes, triangle_middles
+from .probes import free_receivers, probes, triangle_middles
 from .quantities import encode
 from .receivers import Receivers
 from .result import Bake, Lightmap, Solution, Stages, refuse_singular, report
@@ -64,6 +64,8 @@ COMPLETE_CELLS = 2**18
 ROUGH, TOLERANCE = 1e-2, 1e-5
 # The audit's random numbers start here, so that it shares none with the bake.
 AUDIT_SEED = 0x5EED
+# What light over several surfaces adds to that over one, about.
+MORE_BOUNCES = 2.0
 # Receivers whose direct light says how bright the scene is.
 LEVEL_SAMPLE = 2048
 
@@ -91,8 +93,9 @@ class _Work:
         """Cells, patches, rows, solved, for what these receivers can see."""
         seed = self.settings.seed
         with self.stages("patches"):
-            looks = look_around(self.geometry, places, seed, self.run)
-            self.plan = plan(self.settings.error, looks.distance)
+            looks = look_around(self.geometry, places, self.sampled_emitter, seed, self.run)
+            self.lamps = self._lamp_level(receivers)
+            self.plan = plan(self.settings.error, looks.distance, self._bounced_share(looks))
             corners = self.geometry.corners.reshape(-1, 3)
             shells = Shells.of(self.geometry.corners)
             patches = Patches(shells, corners.min(axis=0), corners.max(axis=0), self.plan.smallest_patch,
@@ -136,16 +139,14 @@ class _Work:
         seed = self.settings.seed
         places = ReceiverFootprints(self.geometry, receivers, self.settings.footprint, seed)
         self.transported = self.transport(receivers, places)
-        with self.stages("direct"):
-            lamps = self._lamp_level(receivers)
         with self.stages("gather"):
-            first, bounced = gather_adaptively(self.transported, places, self.plan, lamps, seed, near, self.run)
+            first, bounced = gather_adaptively(self.transported, places, self.plan, self.lamps, seed, near, self.run)
         with self.stages("direct"):
-            level = lamps + float(first.mean() + bounced.mean())
+            level = self.lamps + float(first.mean() + bounced.mean())
             direct = first + self.direct.irradiance(places, self.run, level * self.plan.direct_error,
                                                     neighbours=None if near is None else near.at(1))
         with self.stages("audit"):
-            self.error = self._audit(places, direct, bounced)
+            self.error = self._audit(places, direct, bounced, near)
         return direct, bounced
 
     def _lamp_level(self, receivers: Receivers) -> float:
@@ -154,10 +155,25 @@ class _Work:
         places = ReceiverFootprints(self.geometry, sample, self.settings.footprint, self.settings.seed)
         return float(self.direct.irradiance(places, self.run).mean())
 
-    def _audit(self, places: ReceiverFootprints, direct: Float, bounced: Float) -> Any:
+    def _bounced_share(self, looks: Importance) -> float:
+        """About which part of the receivers' light comes over other surfaces, 0 ... 1."""
+        if looks.spots is None:
+            return 0.0
+        some = np.linspace(0, looks.first - 1, min(looks.first, LEVEL_SAMPLE)).astype(int)
+        spots = looks.spots.take(some)
+        met = ReceiverFootprints(self.geometry, free_receivers(spots.points, spots.normals), 0.0, self.settings.seed)
+        lit = self.direct.irradiance(met, self.run).mean(axis=1)
+        once = float((looks.weight[some] * lit).mean()) * looks.first / looks.paths
+        bounced = MORE_BOUNCES * once + looks.bounced
+        return bounced / max(self.lamps + looks.straight + bounced, 1e-30)
+
+    def _audit(self, places: ReceiverFootprints, direct: Float, bounced: Float, near: Neighbours | None) -> ErrorBar:
+        """Path trace receivers drawn at random; of lumels the inner ones, as against a renderer."""
         random = np.random.default_rng([AUDIT_SEED, self.settings.seed])
-        count = min(len(places), self.plan.audit_lumels)
-        rows = np.sort(random.choice(len(places), count, replace=False))
+        every = np.arange(len(places))
+        inner = every if near is None else np.flatnonzero((near.at(1) >= 0).all(axis=1))
+        pool = inner if len(inner) else every
+        rows = np.sort(random.choice(pool, min(len(pool), self.plan.audit_lumels), replace=False))
         auditor = Auditor(self.geometry, self.lights, self.sampled_emitter, AUDIT_SEED + self.settings.seed)
         truth = auditor.truth(places, rows, self.plan.audit_paths, self.run)
         return error_bar(_passes(direct[rows], bounced[rows], self.settings.passes), truth.groups(self.settings.passes))

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from . import sky as skies
 from .footprints import Footprints
 from .geometry import Geometry
 from .parallel import Run
@@ -23,17 +24,28 @@ BOUNCES = 4
 
 @dataclass(frozen=True, eq=False)
 class Importance:
-    """Spots that paths met, the weight of each (m,) and the distance it was seen from (m,) metres; and the median
-    distance of the paths' first hits, metres."""
+    """What a few paths from the receivers met.
+
+    spots, weight, seen_from : where they met a surface, what each matters (m,), and the distance it was seen from (m,)
+        metres; the first `first` are those of the paths' first hits.
+    distance : the median of the first hits', metres.
+    paths : how many paths there were.
+    straight, bounced : mean irradiance of the receivers from sky and emissive surfaces, straight and over other
+        surfaces, W/m2 (mean of the channels).
+    """
 
     spots: Spots | None
     weight: Float
     seen_from: Float
+    first: int
     distance: float
+    paths: int
+    straight: float
+    bounced: float
 
 
-def look_around(geometry: Geometry, places: Footprints, seed: int, run: Run) -> Importance:
-    """Follow paths from all over the footprints."""
+def look_around(geometry: Geometry, places: Footprints, lamp: NDArray[np.bool_], seed: int, run: Run) -> Importance:
+    """Follow paths from all over the footprints; `lamp` (t,) are triangles whose light lamps stand for."""
     each = max(1, PATHS // len(places))
     count = min(len(places), PATHS)
     rows = np.repeat(np.linspace(0, len(places) - 1, count).astype(np.int64), each)
@@ -47,15 +59,21 @@ def look_around(geometry: Geometry, places: Footprints, seed: int, run: Run) -> 
     weights: list[Float] = []
     distances: list[Float] = []
     distance = 0.0
+    light = np.zeros(BOUNCES)
     for bounce in range(BOUNCES):
-        hits = geometry.visibility.hits(origins, cosine_directions(normals, u[:, None], v[:, None])[:, 0])
+        directions = cosine_directions(normals, u[:, None], v[:, None])[:, 0]
+        hits = geometry.visibility.hits(origins, directions)
         run.count(len(origins))
-        met = np.flatnonzero(hits.triangle >= 0)
+        met, missed = np.flatnonzero(hits.triangle >= 0), np.flatnonzero(hits.triangle < 0)
+        sky = np.pi * skies.radiance(geometry.scene.sky, directions[missed]).mean(axis=1)
+        light[bounce] += float((weight[missed] * sky).sum())
         if not len(met):
             break
         if bounce == 0:
             distance = float(np.median(hits.distance[met]))
         triangle, front = hits.triangle[met], hits.front[met]
+        emission = geometry.emission(triangle, hits.u[met], hits.v[met]).mean(axis=1)
+        light[bounce] += float((weight[met] * np.where(lamp[triangle], 0, emission)).sum())
         spots = Spots.at(geometry, triangle, hits.u[met], hits.v[met], front)
         run.count(len(met))
         reflectance = geometry.reflectance(triangle, hits.u[met], hits.v[met]).mean(axis=1)
@@ -67,7 +85,10 @@ def look_around(geometry: Geometry, places: Footprints, seed: int, run: Run) -> 
         origins = geometry.lifted(spots.points, triangle, front)
         normals = spots.normals
         u, v = shifts(path, 2, seed + 11 * (bounce + 1)).T
+    straight, bounced = float(light[0]) / len(rows), float(light[1:].sum()) / len(rows)
     if not found:
         extent = float(np.linalg.norm(np.ptp(geometry.corners.reshape(-1, 3), axis=0)))
-        return Importance(None, np.zeros(0, np.float32), np.zeros(0, np.float32), extent)
-    return Importance(Spots.join(found), np.concatenate(weights), np.concatenate(distances), distance)
+        nothing = np.zeros(0, np.float32)
+        return Importance(None, nothing, nothing, 0, extent, len(rows), straight, bounced)
+    return Importance(Spots.join(found), np.concatenate(weights), np.concatenate(distances), len(weights[0]), distance,
+                      len(rows), straight, bounced)

@@ -10,6 +10,10 @@ import numpy as np
 CELL_SHARE = 0.015
 SMALLEST_PATCH_SHARE = 0.02
 
+# The part of bounced light that the numbers below were found for (interiors), and the least that is planned for.
+USUAL_SHARE = 0.5
+LEAST_SHARE = 0.02
+
 
 @dataclass(frozen=True)
 class Plan:
@@ -33,11 +37,18 @@ class Plan:
     audit_paths: int
 
 
-def plan(error: float, distance: float) -> Plan:
-    """The work for a wanted relative RMS error, from the distance of what the receivers see."""
-    finer = float(np.clip(0.03 / error, 0.3, 3.0))
+def plan(error: float, distance: float, bounced: float) -> Plan:
+    """The work for a wanted relative RMS error.
+
+    Parameters
+    ----------
+    distance : how far the receivers usually see, metres.
+    bounced : the part of their light that comes over other surfaces: patches and their rows serve only that, and may
+        be as much coarser as it is less.
+    """
+    finer = float(np.clip(0.03 / error * max(bounced, LEAST_SHARE) / USUAL_SHARE, 0.1, 3.0))
     # A pilot that is enough where light is smooth (METHODS: 256 rays 3 %, 1,024 rays 1 % of the indirect light).
-    gather = int(2 ** np.clip(np.round(np.log2(128 * finer)), 5, 9))
+    gather = int(2 ** np.clip(np.round(np.log2(128 * finer)), 6, 9))
     return Plan(
         error=error,
         patches=int(2000 * finer),

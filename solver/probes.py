@@ -23,10 +23,14 @@ def probes(scene: Scene, points: ArrayLike, normals: ArrayLike) -> Receivers:
     length = np.linalg.norm(facing, axis=1, keepdims=True)
     if not (np.isfinite(place).all() and np.isfinite(facing).all() and (length > 0).all()):
         raise SceneError("a probe's point is not finite, or its normal has no length")
-    count = len(place)
-    return Receivers(position=np.asarray(place - scene.origin, np.float32),
-                     normal=np.asarray(facing / length, np.float32), triangle=np.full(count, -1, np.int32),
-                     barycentric=np.zeros((count, 2), np.float32), footprint=np.zeros((count, 2, 2), np.float32))
+    return free_receivers(np.asarray(place - scene.origin, np.float32), np.asarray(facing / length, np.float32))
+
+
+def free_receivers(points: Float, normals: Float) -> Receivers:
+    """Receivers at points (n, 3) about the scene's origin, facing along unit normals (n, 3), on no triangle."""
+    count = len(points)
+    return Receivers(points, normals, np.full(count, -1, np.int32), np.zeros((count, 2), np.float32),
+                     np.zeros((count, 2, 2), np.float32))
 
 
 def triangle_middles(geometry: Geometry) -> Receivers:
