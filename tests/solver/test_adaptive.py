@@ -16,7 +16,7 @@ def _variance(seed=0):
 def _unrounded(variance, wanted):
     """The best factors, found by scanning the multiplier: n_i ~ v_i^(1 / (1 + RATE)), at least 1 and at most 32."""
     powers = (variance / wanted) ** (1 / (1 + RATE))
-    multipliers = np.geomspace(1e-3, 1e6, 20000)
+    multipliers = np.geomspace(1e-3, 1e6, 3000)
     for multiplier in multipliers:
         factor = np.clip(multiplier * powers, 1, 32)
         if (variance * factor**-RATE).mean() <= wanted:

@@ -1,0 +1,82 @@
+"""The audit's error bar on made-up light: the error put in is the error found, within its interval."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from radiosity.solver.audit import GROUPS, error_bar
+
+RECEIVERS = 1024
+
+
+def _case(seed, error, noise, bias=0.0):
+    """Baked values (k, 3) with a known relative RMS error, noisy groups (k, GROUPS, 3), and that error."""
+    rng = np.random.default_rng(seed)
+    truth = 1 + 0.5 * rng.random((RECEIVERS, 1)) * np.ones(3)
+    baked = truth + (bias + error * rng.normal(size=(RECEIVERS, 1))) * truth.mean()
+    groups = truth[:, None] + noise * GROUPS**0.5 * rng.normal(size=(RECEIVERS, GROUPS, 3)) * truth.mean()
+    return baked, groups, np.sqrt(np.mean((baked - truth) ** 2)) / truth.mean()
+
+
+@pytest.mark.parametrize("noise", [0.0, 0.01, 0.03, 0.09])
+def test_the_interval_holds_the_true_error_in_nine_of_ten_bakes(noise):
+    # Error .03, the audit's noise at one receiver 0 to three times that: 95 of 100 intervals are expected to hold it.
+    holds = 0
+    for seed in range(100):
+        baked, groups, true = _case(seed, 0.03, noise)
+        bar = error_bar(baked, groups)
+        holds += bar.rms_low <= true <= bar.rms_high
+    assert holds >= 90
+
+
+def test_the_error_is_freed_of_the_audits_noise():
+    # Error .03 under noise of .09: without the correction .095 would be found.
+    found = [error_bar(*_case(seed, 0.03, 0.09)[:2]).rms for seed in range(50)]
+    assert np.sqrt(np.mean(np.square(found))) == pytest.approx(0.03, rel=0.1)
+
+
+def test_a_perfect_bake_has_an_error_of_about_nothing():
+    # Error 0 under noise of .03: the lower end of the interval is 0, the upper one far below the noise.
+    bar = error_bar(*_case(1, 0.0, 0.03)[:2])
+    assert bar.rms_low == 0
+    assert bar.rms_high < 0.015
+
+
+@pytest.mark.parametrize("bias", [-0.02, 0.0, 0.02])
+def test_a_bias_is_found_with_its_sign_and_standard_error(bias):
+    # Bias -2, 0, 2 % under an error of 3 % and noise of 3 %: within four standard errors, and these are about .1 %.
+    bar = error_bar(*_case(2, 0.03, 0.03, bias)[:2])
+    assert bar.bias == pytest.approx(bias, abs=4 * bar.bias_standard_error)
+    assert bar.bias_standard_error == pytest.approx((0.03**2 + 0.03**2 / 3) ** 0.5 / RECEIVERS**0.5, rel=0.1)
+
+
+def test_the_95th_percentile_of_even_noise_is_twice_its_deviation():
+    # A normal error of .03, no noise: 1.96 x .03.
+    bar = error_bar(*_case(3, 0.03, 0.0)[:2])
+    assert bar.p95 == pytest.approx(1.96 * 0.03, rel=0.1)
+    assert bar.p95 < bar.worst < 5 * 0.03
+
+
+def test_one_receiver_in_a_thousand_is_left_out():
+    # One of 1,024 is wrong by a hundred times the mean: two are left out.
+    baked, groups, _ = _case(4, 0.03, 0.01)
+    baked[17] += 100
+    assert error_bar(baked, groups).rms == pytest.approx(0.03, rel=0.1)
+    baked[[18, 19]] += 100
+    assert error_bar(baked, groups).rms > 1
+
+
+def test_strength_of_light_changes_no_relative_error():
+    # A thousand times brighter, a millionth as bright.
+    baked, groups, _ = _case(5, 0.03, 0.03)
+    bar = error_bar(baked, groups)
+    for strength in (1e3, 1e-6):
+        other = error_bar(baked * strength, groups * strength)
+        assert [other.rms, other.rms_low, other.rms_high, other.p95, other.bias] == pytest.approx(
+            [bar.rms, bar.rms_low, bar.rms_high, bar.p95, bar.bias], rel=1e-6)
+
+
+def test_darkness_has_no_error():
+    # No light anywhere: nothing to be relative to.
+    bar = error_bar(np.zeros((10, 3)), np.zeros((10, GROUPS, 3)))
+    assert (bar.rms, bar.rms_low, bar.rms_high, bar.p95, bar.worst, bar.bias) == (0,) * 6
