@@ -203,7 +203,7 @@ def bake(scene: Scene, settings: Settings, progress: Progress | None = None,
     if settings.target == "vertex":
         return _bake_vertices(work)
     with work.stages("lumels"):
-        lumels = lay_out(scene, settings, work.warnings, work.run.report)
+        lumels = lay_out(scene, settings, work.warnings, work.run.step)
         near = Neighbours(lumels)
     direct, bounced = work.light(lumels.receivers, near)
     with work.stages("finish"):

@@ -43,6 +43,11 @@ class Run:
         if self.progress is not None:
             self.progress(self.stage, min(1.0, fraction))
 
+    def step(self, fraction: float) -> None:
+        """Tell how far the current stage is, and end the work if the user wants to stop."""
+        self.check()
+        self.report(fraction)
+
     def map(self, work: Callable[..., Result], pieces: Iterable[Any]) -> list[Result]:
         """`work` of every piece, in the order of the pieces; a few pieces ahead of the workers at most."""
         pieces = list(pieces)
