@@ -32,6 +32,8 @@ MOST_FACTOR = 32
 MOST_ROUNDS = 3
 # Part of a receiver's variance that is taken from all receivers, since its own is known from two samples only.
 PRIOR = 0.2
+# The same for receivers without neighbours.
+LONE_PRIOR = 0.6
 # A look is not worth its while if the error is within this factor of what is wanted.
 CLOSE_ENOUGH = 1.1
 
@@ -86,7 +88,8 @@ def _pooled(difference: Float, around: Int | None) -> Float:
     if around is not None:
         there = around >= 0
         pooled = (own + np.where(there, own[around], 0).sum(axis=1)) / (1 + there.sum(axis=1))
-    return np.asarray((1 - PRIOR) * pooled + PRIOR * own.mean(), np.float64)
+    prior = LONE_PRIOR if around is None else PRIOR
+    return np.asarray((1 - prior) * pooled + prior * own.mean(), np.float64)
 
 
 def _factors(variance: Float, wanted: float, most: Float) -> Float:

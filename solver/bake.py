@@ -23,6 +23,7 @@ from numpy.typing import NDArray
 from .adaptive import gather_adaptively
 from .audit import Auditor, ErrorBar, error_bar
 from .cells import Cells
+from .direct import PILOT_RAYS as PILOT
 from .direct import DirectLight
 from .energy import energy_balance
 from .errors import NothingToBake
@@ -66,6 +67,8 @@ ROUGH, TOLERANCE = 1e-2, 1e-5
 AUDIT_SEED = 0x5EED
 # What light over several surfaces adds to that over one, about.
 MORE_BOUNCES = 2.0
+# Shadow rays of a first look at a lamp from a receiver without neighbours to tell it of occluders that it missed.
+LONE_PILOT = 64
 # Receivers whose direct light says how bright the scene is.
 LEVEL_SAMPLE = 2048
 
@@ -144,7 +147,8 @@ class _Work:
         with self.stages("direct"):
             level = self.lamps + float(first.mean() + bounced.mean())
             direct = first + self.direct.irradiance(places, self.run, level * self.plan.direct_error,
-                                                    neighbours=None if near is None else near.at(1))
+                                                    PILOT if near else LONE_PILOT,
+                                                    neighbours=near.at(1) if near else None)
         with self.stages("audit"):
             self.error = self._audit(places, direct, bounced, near)
         return direct, bounced
@@ -153,7 +157,8 @@ class _Work:
         """The mean of the lamps' light over a sample of the receivers, W/m2."""
         sample = receivers.take(np.linspace(0, len(receivers) - 1, min(len(receivers), LEVEL_SAMPLE)).astype(int))
         places = ReceiverFootprints(self.geometry, sample, self.settings.footprint, self.settings.seed)
-        return float(self.direct.irradiance(places, self.run).mean())
+        wanted = self.settings.passes != "indirect"
+        return float(self.direct.irradiance(places, self.run).mean()) * wanted
 
     def _bounced_share(self, looks: Importance) -> float:
         """About which part of the receivers' light comes over other surfaces, 0 ... 1."""

@@ -24,19 +24,19 @@ def components(count: int, a: Int, b: Int) -> Int:
 
     Notes
     -----
-    Hook and jump (Shiloach & Vishkin 1982): every root with a lower neighbour hooks to it, then paths are halved until
-    flat. A hook always goes to a lower label, so no cycle can form; every root that stays is the lowest among its
-    neighbours, so at least half of the roots with neighbours vanish in a round: log2(count) rounds.
+    Hook and jump (Shiloach & Vishkin 1982): every root with a lower neighbour hooks to the lowest, then paths are
+    halved until flat. A hook always goes to a lower label, so no cycle can form, and every round in which an edge still
+    joins two roots removes one at least: it ends.
     """
     label: Int = np.arange(count)
     a, b = np.asarray(a), np.asarray(b)
-    for _ in range(max(1, count).bit_length() + 1):
+    while True:
         low, high = np.minimum(label[a], label[b]), np.maximum(label[a], label[b])
         differ = low != high
         if not differ.any():
             break
         a, b = a[differ], b[differ]
-        label[high[differ]] = low[differ]
+        np.minimum.at(label, high[differ], low[differ])
         label = _flatten(label)
     return np.asarray(np.unique(label, return_inverse=True)[1]).reshape(count)
 

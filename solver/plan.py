@@ -48,7 +48,7 @@ def plan(error: float, distance: float, bounced: float) -> Plan:
     """
     finer = float(np.clip(0.03 / error * max(bounced, LEAST_SHARE) / USUAL_SHARE, 0.1, 3.0))
     # A pilot that is enough where light is smooth (METHODS: 256 rays 3 %, 1,024 rays 1 % of the indirect light).
-    gather = int(2 ** np.clip(np.round(np.log2(128 * finer)), 6, 9))
+    gather = int(2 ** np.clip(np.round(np.log2(128 * 0.03 / error)), 5, 9))
     return Plan(
         error=error,
         patches=int(2000 * finer),

@@ -34,7 +34,7 @@ CHUNK = 2**16
 
 def smooth(first: Float, second: Float, receivers: Receivers, neighbours: Neighbours, run: Run) -> tuple[Float, Float]:
     """Filter two independent looks at the same receivers, (n, 6) each: emitted and reflected light, RGB."""
-    variance = _variance(first, second, neighbours.at(1))
+    variance = _variance(first, second, neighbours)
     for step in STEPS:
         around = neighbours.at(step)
         jobs = [(part, first, second, receivers, around, variance) for part in slices(len(first), CHUNK)]
@@ -43,14 +43,18 @@ def smooth(first: Float, second: Float, receivers: Receivers, neighbours: Neighb
     return first, second
 
 
-def _variance(first: Float, second: Float, around: Int) -> Float:
-    """(n,) variance of one look, W2/m4, the mean over channels and neighbours."""
-    own = np.square(_light(first) - _light(second)).mean(axis=1) / 2
-    there = around >= 0
-    near = (own + np.where(there, own[around], 0).sum(axis=1)) / (1 + there.sum(axis=1))
-    # A second ring steadies it: each estimate has one degree of freedom.
-    near = (near + np.where(there, near[around], 0).sum(axis=1)) / (1 + there.sum(axis=1))
-    return np.asarray(near, np.float32)
+def _variance(first: Float, second: Float, neighbours: Neighbours) -> Float:
+    """(n,) variance of one look, W2/m4, the mean over channels and over as many neighbours as are filtered.
+
+    A single difference has one degree of freedom: where it decided alone, two looks that happen to err alike would
+    look clean and not be smoothed.
+    """
+    variance = np.square(_light(first) - _light(second)).mean(axis=1) / 2
+    for step in STEPS:
+        around = neighbours.at(step)
+        there = around >= 0
+        variance = (variance + np.where(there, variance[around], 0).sum(axis=1)) / (1 + there.sum(axis=1))
+    return np.asarray(variance, np.float32)
 
 
 def _light(look: Float) -> Float:

@@ -47,3 +47,19 @@ def test_no_triangle_makes_no_shell():
     # An empty mesh.
     shells = Shells.of(np.empty((0, 3, 3), np.float32))
     assert (len(shells.of_triangle), len(shells.extent)) == (0, 0)
+
+
+def test_a_box_is_one_shell_as_long_as_its_longest_edge():
+    # Twelve triangles of a 1 x 3 x 2 m box.
+    shells = _shells(box((0, 0, 0), (1, 3, 2)))
+    assert shells.of_triangle.tolist() == [0] * 12
+    assert shells.extent == pytest.approx([3])
+
+
+def test_boxes_a_hair_apart_are_two_shells_and_boxes_that_share_a_corner_are_one():
+    # The second box begins at the first one's corner (1, 1, 1), or 1e-6 m beyond.
+    one = box((0, 0, 0), (1, 1, 1))
+    assert len(_shells(one, box((1, 1, 1), (2, 2, 2))).extent) == 1
+    assert len(_shells(one, box((1 + 1e-6, 1, 1), (2, 2, 2))).extent) == 2
+
+
