@@ -10,7 +10,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from radiosity.solver import Settings, Sky, Texture, irradiance, solve
-from radiosity.solver.lamps import Point
+from radiosity.solver.lamps import Point, Sun
 from radiosity.solver.polygon import polygon_form_factor
 from radiosity.tests.solver.rooms import CEILING, FLOOR, box, quad, shape, sphere_cap, wall_points
 
@@ -267,9 +267,18 @@ def test_an_open_cube_lets_its_sky_factor_in(judge):
     judge("P-50", ["sky factor"], [0.2394564704608], found / PI, 0.01)
 
 
+def test_the_shadow_in_a_bowl_gets_the_same_light_everywhere(judge):
+    # A cap of 60 degrees, rho .6, a sun of 1000 W/m2 60 degrees from the zenith: H = rho E0 cos z sin^2 a
+    # / (4 (1 - rho f)) where the sun does not reach, and as indirect light where it does.
+    bowl = sphere_cap(PI / 3, 14, SEGMENTS)
+    scene = bowl.scene(reflectance=0.6, lights=(Sun("sun", (np.sin(PI / 3), 0, -0.5), (1000,) * 3),))
+    judge("P-31", ["H, sun"], [66.17647058824], _over(bowl, scene, 0.03, passes="indirect"), 0.03, TESSELLATION)
+
+
 def test_the_penumbra_of_a_knife_edge(judge):
     # Source [-1, 1]^2 at z = 2, black half-plane x < 0 at z = 1: the part of the hemisphere that the lamp fills.
-    exact = {-0.5: 0.03705534802, 0: 0.1197282352304, 0.25: 0.1611880253512, 0.5: 0.1859108490138, 1: 0.1803687411231}
+    exact = {-0.75: 0.01318443288285, -0.5: 0.03705534802, 0: 0.1197282352304, 0.25: 0.1611880253512,
+             0.5: 0.1859108490138, 1: 0.1803687411231}
     edge = quad((-40, -40, 1), (40, 0, 0), (0, 80, 0), 0.0)
     scene = (quad((-1, -1, 2), (0, 2, 0), (2, 0, 0), 0.0, 1.0) + edge).scene()
     found = _at(scene, 0.01, [((x, 0, 0), UP) for x in exact])
