@@ -9,7 +9,7 @@
     gather      the indirect light of every receiver: one more bounce, from cells and patches
     direct      the lamps' light at every receiver: closed form times the part that shadow rays find free
     audit       path tracing at random receivers says how wrong the bake is
-    finish      encode, dilate
+    finish      encode, dilate, stitch seams
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ from .direct import PILOT_RAYS as PILOT
 from .direct import DirectLight
 from .energy import energy_balance
 from .errors import NothingToBake
-from .finish import to_images
+from .finish import finished
 from .footprints import ReceiverFootprints
 from .gather import Gather
 from .geometry import Geometry
@@ -215,7 +215,7 @@ def bake(scene: Scene, settings: Settings, progress: Progress | None = None,
         triangle = lumels.receivers.triangle
         albedo = work.geometry.reflectance(triangle, *lumels.receivers.barycentric.T)
         values = encode(_passes(direct, bounced, settings.passes), settings.quantity, albedo)
-        images = to_images(lumels, values, settings)
+        images = finished(lumels, scene, values, settings)
         placed = [(surface.name, int(page)) for surface, page in
                   zip(scene.surfaces, lumels.page_of_surface, strict=True)]
         lightmaps = tuple(Lightmap(page.name, pixels, tuple(name for name, place in placed if place == number))

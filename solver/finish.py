@@ -1,16 +1,34 @@
-"""Values of lumels become images, and grow a margin so that filtering at a chart's edge meets no black."""
+"""Values of lumels become images: they grow a margin so that filtering at a chart's edge meets no black, and agree
+across the seams between charts.
+"""
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from .receivers import Lumels
+from .scene import Scene
+from .seams import stitch
 from .settings import Settings
 
 Float = NDArray[np.floating[Any]]
+
+
+def finished(lumels: Lumels, scene: Scene, values: Float, settings: Settings) -> list[Float]:
+    """The lightmaps as they are written: dilated, and continuous across seams. Arguments as in `to_images`."""
+    # Filtering reads one texel beyond a chart, so seams need that much, whether or not it is asked for.
+    images = stitch(lumels, scene, to_images(lumels, values, replace(settings, margin=max(settings.margin, 1))))
+    if settings.margin > 0:
+        return images
+    for index, image in enumerate(images):
+        empty = np.ones(image.shape[0] * image.shape[1], bool)
+        empty[lumels.pixel[lumels.page == index]] = False
+        image.reshape(-1, 3)[empty] = 0
+    return images
 
 
 def to_images(lumels: Lumels, values: Float, settings: Settings) -> list[Float]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -50,7 +51,7 @@ def lumels(scene: Scene, settings: Settings, warnings: Warnings, progress: Any =
     layout = make_layout(scene, settings, warnings, progress)
     flat = flat_triangles(scene)
     corners, members = _by_page(scene, layout)
-    node = _nodes(scene, layout)
+    node = _nodes(scene, layout.uv)
     covers = [_cover(page, uv[~flat[triangles]], triangles[~flat[triangles]], node)
               for page, uv, triangles in zip(layout.pages, corners, members, strict=True)]
     _warn(scene, layout, covers, corners, members, flat, warnings)
@@ -168,11 +169,16 @@ def place(scene: Scene, triangle: Int, weight: Float) -> tuple[Float, Float]:
     return position, np.where(usable, normal / np.where(usable, length, 1), geometric)
 
 
-def _nodes(scene: Scene, layout: Layout) -> Int:
+def charts_of_triangles(scene: Scene, uv: Sequence[Float | None]) -> NDArray[np.int32]:
+    """(t,) int32: the connected piece of the layout that each triangle belongs to, as in `Lumels.chart`."""
+    return _charts(scene, _nodes(scene, uv))
+
+
+def _nodes(scene: Scene, layout: Sequence[Float | None]) -> Int:
     """(t, 3) int64: corners at the same place in space and in the layout have the same number."""
     steps = int(1 / UV_WELD)
     key = weld(scene.vertices)[scene.triangles] * (steps * steps)
-    for item, uv in zip(scene.surfaces, layout.uv, strict=True):
+    for item, uv in zip(scene.surfaces, layout, strict=True):
         if uv is not None:
             grid = np.rint(uv.astype(np.float64) * steps).astype(np.int64) % steps
             key[item.triangles] += grid[:, :, 0] * steps + grid[:, :, 1]

@@ -13,36 +13,33 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from .components import shared_edges
-from .lumels import UV_WELD, surface_of_triangle
-from .pieces import weld
+from .lumels import charts_of_triangles, surface_of_triangle
 from .receivers import Lumels
 from .scene import Scene
+from .seam_samples import SeamSamples, seam_samples
 
 Float = NDArray[np.floating[Any]]
 Int = NDArray[np.integer[Any]]
 
-# Sides of a seam are one surface if their shading normals differ by less than this at both ends: cosine of 8 degrees.
-SMOOTH_COSINE = 0.99
-# Two objects that touch along an edge are stitched only if they are flush: cosine of .8 degrees.
-FLUSH_COSINE = 0.9999
 # Weight of a difference across a seam against that of moving a lumel, and of moving a texel of the margin.
 SEAM_WEIGHT, MARGIN_WEIGHT = 4.0, 0.1
-# Samples along a seam, one a texel of its longer side, this many at most.
-MOST_SAMPLES = 4096
 TOLERANCE, MOST_STEPS = 1e-4, 60
 
 
 @dataclass(frozen=True, eq=False)
-class _Seams:
-    """Pairs of triangle sides that are one edge in space and two in the layout.
+class Taps:
+    """The texels that filtering reads on both sides of seams.
 
-    triangle : (s, 2) the scene's triangles; corner : (s, 2, 2) for each of the two the corner at the edge's same first
-    and second end.
+    texel : (n, 2, 4) int64 index over all pages, one after another.
+    weight : (n, 2, 4) float64, of the bilinear filter.
+    chart : (n, 2) int32, the chart whose side it is.
+    owner : (texels,) int32, chart of each texel of all pages, -1 where it is margin.
     """
 
-    triangle: Int
-    corner: Int
+    texel: Int
+    weight: Float
+    chart: NDArray[np.int32]
+    owner: NDArray[np.int32]
 
 
 def stitch(lumels: Lumels, scene: Scene, images: list[Float]) -> list[Float]:
@@ -56,92 +53,38 @@ def stitch(lumels: Lumels, scene: Scene, images: list[Float]) -> list[Float]:
     -------
     Copies, changed next to seams only. Never changed are texels at creases, and between objects unless they are flush.
     """
-    seams = _find(lumels, scene)
-    if not len(seams.triangle):
+    samples = seam_samples(lumels, scene)
+    if not len(samples):
         return [np.array(image) for image in images]
-    sizes = np.array([(page.width, page.height) for page in lumels.pages], np.int64)
-    offset = np.concatenate([[0], np.cumsum(sizes.prod(axis=1))])
-    chart = np.full(offset[-1], -1, np.int32)
-    chart[offset[lumels.page] + lumels.pixel] = lumels.chart
-    texel, weight = _differences(seams, lumels, scene, sizes, offset, chart)
+    taps = seam_taps(samples, lumels, scene)
+    texel = taps.texel.reshape(-1, 8)
+    weight = (taps.weight * np.array([1.0, -1.0])[:, None]).reshape(-1, 8)
     flat = np.concatenate([np.asarray(image, np.float64).reshape(-1, 3) for image in images])
     unknown, column = np.unique(texel, return_inverse=True)
-    anchor = np.where(chart[unknown] >= 0, 1.0, MARGIN_WEIGHT)
+    anchor = np.where(taps.owner[unknown] >= 0, 1.0, MARGIN_WEIGHT)
     change = _solve(column.reshape(texel.shape), weight, anchor, flat[unknown])
     flat[unknown] = np.maximum(flat[unknown] + change, np.minimum(flat[unknown], 0))
-    return [flat[offset[k]:offset[k + 1]].reshape(images[k].shape).astype(np.float32) for k in range(len(images))]
+    ends = np.cumsum([image.shape[0] * image.shape[1] for image in images])[:-1]
+    return [part.reshape(image.shape).astype(np.float32)
+            for part, image in zip(np.split(flat, ends), images, strict=True)]
 
 
-def _find(lumels: Lumels, scene: Scene) -> _Seams:
-    """Seams: sides with the same ends in space, different ones in the layout, on one smooth surface."""
-    surface = surface_of_triangle(scene)
-    laid = np.flatnonzero(lumels.page_of_surface[surface] >= 0)
-    node = weld(scene.vertices)[scene.triangles[laid]]
-    first, second, side, other = shared_edges(node)
-    # The corners of the second side in the order of the first's ends.
-    ends = np.stack([side, (side + 1) % 3], axis=1)
-    others = np.stack([other, (other + 1) % 3], axis=1)
-    turned = node[first, ends[:, 0]] != node[second, others[:, 0]]
-    others = np.where(turned[:, None], others[:, ::-1], others)
-    uv = _layout(lumels, scene)[laid]
-    apart = np.zeros(len(first), bool)
-    smooth = np.ones(len(first), bool)
-    same = surface[laid[first]] == surface[laid[second]]
-    normal = _normals(scene, laid)
-    for k in range(2):
-        gap = np.abs(uv[first, ends[:, k]] - uv[second, others[:, k]]).max(axis=1)
-        apart |= gap > UV_WELD
-        cosine = (normal[first, ends[:, k]] * normal[second, others[:, k]]).sum(axis=1)
-        smooth &= cosine > np.where(same, SMOOTH_COSINE, FLUSH_COSINE)
-    apart |= lumels.page_of_surface[surface[laid[first]]] != lumels.page_of_surface[surface[laid[second]]]
-    keep = apart & smooth
-    return _Seams(np.stack([laid[first], laid[second]], axis=1)[keep], np.stack([ends, others], axis=1)[keep])
-
-
-def _layout(lumels: Lumels, scene: Scene) -> Float:
-    """(t, 3, 2) float64 layout of all triangles, zero where there is none."""
-    uv = np.zeros((len(scene.triangles), 3, 2))
-    for surface, layout in zip(scene.surfaces, lumels.uv, strict=True):
-        if layout is not None:
-            uv[surface.triangles] = layout
-    return uv
-
-
-def _normals(scene: Scene, triangle: Int) -> Float:
-    """(t, 3, 3) unit normals at the corners."""
-    if scene.corner_normals is not None:
-        return np.asarray(scene.corner_normals[triangle])
-    corners = scene.vertices[scene.triangles[triangle]]
-    normal = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
-    length = np.linalg.norm(normal, axis=1, keepdims=True)
-    return np.repeat((normal / np.where(length > 0, length, 1))[:, None], 3, axis=1)
-
-
-def _differences(seams: _Seams, lumels: Lumels, scene: Scene, sizes: Int, offset: Int,
-                 chart: NDArray[np.int32]) -> tuple[Int, Float]:
-    """Texels (n, 8) and weights (n, 8) whose sum is the difference of the filtered light at samples of the seams.
+def seam_taps(samples: SeamSamples, lumels: Lumels, scene: Scene) -> Taps:
+    """What filtering reads at samples of seams.
 
     A sample is left out if it reads a lumel of another chart than its own, where charts lie closer than a texel.
     """
-    page = lumels.page_of_surface[surface_of_triangle(scene)[seams.triangle]]
-    uv = _layout(lumels, scene)[seams.triangle[:, :, None], seams.corner]
-    ends = uv * sizes[page][:, :, None] - .5
-    length = np.linalg.norm(ends[:, :, 1] - ends[:, :, 0], axis=2).max(axis=1)
-    count = np.clip(np.ceil(length), 1, MOST_SAMPLES).astype(np.int64)
-    seam = np.repeat(np.arange(len(count)), count)
-    step = np.arange(len(seam)) - np.repeat(np.cumsum(count) - count, count)
-    along = ((step + .5) / count[seam])[:, None]
-    chart_of = np.full(len(scene.triangles), -2, np.int32)
-    chart_of[lumels.receivers.triangle] = lumels.chart
-    texels, weights, usable = [], [], np.ones(len(seam), bool)
-    for side, sign in ((0, 1.0), (1, -1.0)):
-        point = ends[seam, side, 0] * (1 - along) + ends[seam, side, 1] * along
-        texel, weight = _taps(point, sizes[page[seam, side]], offset[page[seam, side]])
-        owner = chart[texel]
-        usable &= ((owner < 0) | (owner == chart_of[seams.triangle[seam, side]][:, None]) | (weight == 0)).all(axis=1)
-        texels.append(texel)
-        weights.append(sign * weight)
-    return np.concatenate(texels, axis=1)[usable], np.concatenate(weights, axis=1)[usable]
+    sizes = np.array([(page.width, page.height) for page in lumels.pages], np.int64)
+    offset = np.concatenate([[0], np.cumsum(sizes.prod(axis=1))])
+    owner = np.full(offset[-1], -1, np.int32)
+    owner[offset[lumels.page] + lumels.pixel] = lumels.chart
+    chart_of = charts_of_triangles(scene, lumels.uv)
+    page = lumels.page_of_surface[surface_of_triangle(scene)[samples.triangle]].reshape(-1)
+    texel, weight = _taps(samples.uv.reshape(-1, 2) * sizes[page] - 0.5, sizes[page], offset[page])
+    texel, weight = texel.reshape(-1, 2, 4), weight.reshape(-1, 2, 4)
+    chart, there = chart_of[samples.triangle], owner[texel]
+    usable = ((there < 0) | (there == chart[:, :, None]) | (weight == 0)).all(axis=(1, 2))
+    return Taps(texel[usable], weight[usable], chart[usable], owner)
 
 
 def _taps(point: Float, size: Int, offset: Int) -> tuple[Int, Float]:

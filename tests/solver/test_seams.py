@@ -1,8 +1,10 @@
 """Seams: both sides agree, the rest stays as it was."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
-from radiosity.solver.finish import to_images
+from radiosity.solver.finish import finished, to_images
 from radiosity.solver.lumels import lumels
 from radiosity.solver.scene import Scene, Surface
 from radiosity.solver.seams import stitch
@@ -115,3 +117,47 @@ def test_a_chart_without_seams_is_returned_as_it_was():
     stitched = stitch(result, scene, images)
     assert np.array_equal(stitched[0], images[0])
     assert stitched[0] is not images[0]
+
+
+def test_objects_that_touch_without_common_corners_are_joined():
+    # The right square reaches from y = -.5 to 1.5: no edge has the same ends as one of the left square's. Noise of
+    # 10 %: the difference along their common edge falls by more than a factor of 3.
+    vertices = np.vstack([VERTICES[:4], [[1, -.5, 0], [2, -.5, 0], [2, 1.5, 0], [1, 1.5, 0]]])
+    triangles = np.array([[0, 1, 2], [0, 2, 3], [4, 5, 6], [4, 6, 7]])
+    scene = two_squares(vertices, triangles, (Surface("left", 0, 2, lightmap_uv=UV[:2]),
+                                              Surface("right", 2, 2, lightmap_uv=UV[2:])))
+    result, images = baked(scene, rough)
+    stitched = stitch(result, scene, images)
+    # y = 0 ... 1 is the middle half of the right square's edge.
+    low, high = (RIGHT[0] * 3 + RIGHT[3]) / 4, (RIGHT[0] + RIGHT[3] * 3) / 4
+
+    def common_gap(image):
+        t = np.linspace(.02, .98, 49)[:, None]
+        left, right = filtered(image, LEFT[1] * (1 - t) + LEFT[2] * t), filtered(image, low * (1 - t) + high * t)
+        return np.sqrt(np.mean((left - right) ** 2))
+
+    assert common_gap(stitched[0]) < common_gap(images[0]) / 3
+
+
+def test_a_wall_on_a_floor_is_no_seam():
+    # The right square stands on the left one's edge, a little shorter: touching, but not flush. Nothing changes.
+    vertices = np.vstack([VERTICES[:4], [[1, .1, 0], [1, .9, 0], [1, .9, 1], [1, .1, 1]]])
+    triangles = np.array([[0, 1, 2], [0, 2, 3], [4, 5, 6], [4, 6, 7]])
+    scene = two_squares(vertices, triangles, (Surface("left", 0, 2, lightmap_uv=UV[:2]),
+                                              Surface("right", 2, 2, lightmap_uv=UV[2:])))
+    result, images = baked(scene, rough)
+    assert np.array_equal(stitch(result, scene, images)[0], images[0])
+
+
+def test_without_a_margin_seams_are_stitched_and_empty_texels_stay_black():
+    # Margin 0: lumels are as with a margin of 1, all other texels are 0.
+    scene = two_squares()
+    result = lumels(scene, SETTINGS, [])
+    values = rough(result.receivers.position).astype(np.float32)
+    without, = finished(result, scene, values, replace(SETTINGS, margin=0))
+    within, = finished(result, scene, values, replace(SETTINGS, margin=1))
+    covered = np.zeros(SIDE * SIDE, bool)
+    covered[result.pixel] = True
+    assert np.array_equal(without.reshape(-1, 3)[covered], within.reshape(-1, 3)[covered])
+    assert not without.reshape(-1, 3)[~covered].any()
+    assert gap(within) < gap(to_images(result, values, SETTINGS)[0]) / 2

@@ -1,0 +1,155 @@
+"""Points of a surface that the layout holds twice: on both sides of a seam between charts.
+
+Sides of triangles with the same ends in space are found by their vertices. Where meshes touch that are cut in other
+places (floor tiles beside a long wall's floor, two objects side by side) a short ray beside the edge finds who lies
+there.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .components import shared_edges
+from .lumels import UV_WELD, surface_of_triangle
+from .pieces import weld
+from .receivers import Lumels
+from .scene import Scene
+from .visibility import OFFSET, Visibility
+
+Float = NDArray[np.floating[Any]]
+Int = NDArray[np.integer[Any]]
+
+# Sides of a seam are one surface if their shading normals differ by less than this at both ends: cosine of 8 degrees.
+SMOOTH_COSINE = 0.99
+# Two objects that touch are stitched only if they are flush: cosine of .8 degrees.
+FLUSH_COSINE = 0.9999
+# Samples along a seam, one a texel of its longer side, this many at most.
+MOST_SAMPLES = 4096
+# How far beyond an edge a neighbour is looked for, and how much higher or lower it may lie, texels.
+BESIDE, LEVEL = 0.05, 0.05
+# The same at least, in steps of what rays can tell apart.
+LEAST_STEPS = 16.0
+
+
+@dataclass(frozen=True, eq=False)
+class SeamSamples:
+    """Places on seams, each seen from both sides.
+
+    triangle : (n, 2) int, the scene's triangles.
+    uv : (n, 2, 2) float64, where the place lies in the layout of each.
+    """
+
+    triangle: Int
+    uv: Float
+
+    def __len__(self) -> int:
+        return len(self.triangle)
+
+
+def seam_samples(lumels: Lumels, scene: Scene) -> SeamSamples:
+    """One sample a texel along all seams of smooth surfaces."""
+    surface = surface_of_triangle(scene)
+    page = lumels.page_of_surface[surface]
+    laid = np.flatnonzero(page >= 0)
+    uv, normal = _layout(lumels, scene), _normals(scene)
+    sizes = np.array([(item.width, item.height) for item in lumels.pages], np.float64)
+    node = weld(scene.vertices)[scene.triangles[laid]]
+    first, second, side, other = shared_edges(node)
+    ends, others = _ends(side), _ends(other)
+    # The corners of the second side in the order of the first's ends.
+    turned = node[first, ends[:, 0]] != node[second, others[:, 0]]
+    others = np.where(turned[:, None], others[:, ::-1], others)
+    first, second = laid[first], laid[second]
+    apart, smooth = page[first] != page[second], np.ones(len(first), bool)
+    cosine = np.where(surface[first] == surface[second], SMOOTH_COSINE, FLUSH_COSINE)
+    for k in range(2):
+        apart |= np.abs(uv[first, ends[:, k]] - uv[second, others[:, k]]).max(axis=1) > UV_WELD
+        smooth &= (normal[first, ends[:, k]] * normal[second, others[:, k]]).sum(axis=1) > cosine
+    chosen = np.flatnonzero(apart & smooth)
+    pair = np.stack([first, second], axis=1)[chosen]
+    corner = np.stack([ends, others], axis=1)[chosen]
+    along, seam = _along(uv[pair[:, :, None], corner] * sizes[page[pair]][:, :, None])
+    place = uv[pair[:, :, None], corner][seam]
+    shared = SeamSamples(pair[seam], place[:, :, 0] * (1 - along) + place[:, :, 1] * along)
+    joined = np.zeros((len(scene.triangles), 3), bool)
+    joined[first[smooth], side[smooth]] = joined[second[smooth], other[smooth]] = True
+    triangle, edge = np.nonzero(~joined[laid])
+    touching = _touching(scene, uv, normal, page, sizes, laid[triangle], edge)
+    return SeamSamples(np.concatenate([shared.triangle, touching.triangle]),
+                       np.concatenate([shared.uv, touching.uv]))
+
+
+def _touching(scene: Scene, uv: Float, normal: Float, page: Int, sizes: Float, triangle: Int, side: Int) -> SeamSamples:
+    """Samples along the given sides of triangles (n,) beside which another triangle lies flush.
+
+    A ray starts a little beyond the edge and above the surface, and looks down on it.
+    """
+    ends = _ends(side)
+    along, edge = _along((uv[triangle[:, None], ends] * sizes[page[triangle]][:, None])[:, None])
+    along = along[:, 0]
+    own, corner = triangle[edge], ends[edge]
+    corners = scene.vertices[scene.triangles] - scene.origin
+    rows = np.arange(len(own))
+    start, end = corners[own, corner[:, 0]], corners[own, corner[:, 1]]
+    third = corners[own, 3 - corner.sum(axis=1)]
+    point = start * (1 - along) + end * along
+    up = _unit(np.cross(corners[own, 1] - corners[own, 0], corners[own, 2] - corners[own, 0]))
+    outward = _unit(np.cross(end - start, up))
+    outward *= np.where(((third - point) * outward).sum(axis=1) > 0, -1.0, 1.0)[:, None]
+    place = uv[own, corner[:, 0]] * (1 - along) + uv[own, corner[:, 1]] * along
+    texel = np.linalg.norm(end - start, axis=1) / np.maximum(np.linalg.norm(
+        (uv[own, corner[:, 1]] - uv[own, corner[:, 0]]) * sizes[page[own]], axis=1), 1e-30)
+    least = LEAST_STEPS * OFFSET * np.abs(corners).max(initial=0)
+    step, level = np.maximum(BESIDE * texel, least), np.maximum(LEVEL * texel, least)
+    origin = point + outward * step[:, None] + up * (2 * level)[:, None]
+    hits = Visibility(np.asarray(corners, np.float32)).hits(np.asarray(origin, np.float32), np.asarray(-up, np.float32))
+    met = np.maximum(hits.triangle, 0)
+    weight = np.stack([1 - hits.u - hits.v, hits.u, hits.v], axis=1).astype(np.float64)
+    theirs = _unit((normal[met] * weight[:, :, None]).sum(axis=1))
+    ours = _unit(normal[own, corner[:, 0]] * (1 - along) + normal[own, corner[:, 1]] * along)
+    found = (hits.triangle >= 0) & (np.abs(hits.distance - 2 * level) < level) & (page[met] >= 0) & (met != own)
+    found &= (ours * theirs).sum(axis=1) > FLUSH_COSINE
+    rows = np.flatnonzero(found)
+    # Where the ray met the neighbour is a little inside it: as near to the edge as rays can tell.
+    other = (uv[met[rows]] * weight[rows][:, :, None]).sum(axis=1)
+    return SeamSamples(np.stack([own[rows], met[rows]], axis=1), np.stack([place[rows], other], axis=1))
+
+
+def _along(ends: Float) -> tuple[Float, Int]:
+    """Samples along sides (s, k, 2, 2) in texels: the part of the way from end to end (n, 1, 1), and the side (n,)."""
+    length = np.linalg.norm(ends[:, :, 1] - ends[:, :, 0], axis=2).max(axis=1, initial=0)
+    count = np.clip(np.ceil(length), 1, MOST_SAMPLES).astype(np.int64)
+    side = np.repeat(np.arange(len(count)), count)
+    step = np.arange(len(side)) - np.repeat(np.cumsum(count) - count, count)
+    return ((step + 0.5) / count[side])[:, None, None], side
+
+
+def _ends(side: Int) -> Int:
+    """(n, 2) corners at the ends of sides (n,)."""
+    return np.stack([side, (side + 1) % 3], axis=1)
+
+
+def _layout(lumels: Lumels, scene: Scene) -> Float:
+    """(t, 3, 2) float64 layout of all triangles, zero where there is none."""
+    uv = np.zeros((len(scene.triangles), 3, 2))
+    for surface, layout in zip(scene.surfaces, lumels.uv, strict=True):
+        if layout is not None:
+            uv[surface.triangles] = layout
+    return uv
+
+
+def _normals(scene: Scene) -> Float:
+    """(t, 3, 3) unit shading normals at the corners."""
+    if scene.corner_normals is not None:
+        return np.asarray(scene.corner_normals)
+    corners = scene.vertices[scene.triangles]
+    normal = _unit(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]))
+    return np.repeat(normal[:, None], 3, axis=1)
+
+
+def _unit(vectors: Float) -> Float:
+    return np.asarray(vectors / np.maximum(np.linalg.norm(vectors, axis=1, keepdims=True), 1e-300))
