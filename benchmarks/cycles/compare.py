@@ -5,7 +5,7 @@
 For each scene: the diffuse twin (made if it is not there), the two references (made by `reference.py` before), our
 bakes at each error, and Cycles' bakes at each sample count. Rows are printed and written to
 out/benchmarks/NAME/compare.csv; pictures lie beside it. `rms` is the number that `error` in report.json means (see
-`estimator.py`).
+`solver/estimator.py`).
 """
 
 from __future__ import annotations
@@ -20,8 +20,9 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+from radiosity.solver import estimator, sampling_law
 
-from . import estimator, law, ours, pictures, reference
+from . import ours, pictures, reference
 from .scenes import CASES, Case, case_named
 from .twin import make_twin
 
@@ -235,7 +236,7 @@ def print_equal_error(rows: list[Row]) -> None:
         print("    no bake of Cycles is timed: give --time-cycles 16 64 256 for the times at equal error")
         return
     for clock in ("seconds", "cpu_seconds"):
-        curve = law.fit(
+        curve = sampling_law.fit(
             [int(row.knob) for row in timed], [getattr(row, clock) for row in timed], [r.rms for r in timed]
         )
         print(

@@ -21,8 +21,8 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+from radiosity.solver import estimator
 
-from . import estimator
 from .blender import open_blend, select_only
 from .scenes import CASES, Case, case_named
 from .twin import make_twin

@@ -339,7 +339,7 @@ def _lay_out(case: Case, objects: dict[str, Any]) -> tuple[int, list[dict[str, A
 
 
 def _inner(image: NDArray[np.int32]) -> int:
-    from .estimator import counted_lumels
+    from radiosity.solver.estimator import counted_lumels
 
     lit = np.ones((*image.shape, 3))
     return int(counted_lumels(image, lit, lit).inner.sum())

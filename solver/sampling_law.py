@@ -1,4 +1,4 @@
-"""Cycles' curve: seconds and error by samples, so that its time at any error can be told."""
+"""A path tracer's curve: seconds and error by samples, so that its time at any error can be told."""
 
 from __future__ import annotations
 

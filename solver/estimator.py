@@ -38,6 +38,8 @@ class Score:
         and noise of the references).
     p95 : 95th percentile over lumels of the RMS over R, G, B of (ours - mean of the references). Holds their noise:
     p95_noise : what a perfect bake would show, from (first - second) / 2, which is spread as the mean's noise is.
+    p95_clean : p95 with that taken out as if both were normal: the root of the difference of their squares.
+    worst : deviation of the worst lumels, noise taken out (see `worst_deviation`); nothing trimmed.
     bias : mean of (ours - reference), signed;  bias_standard_error : from the spread over lumels.
     noise : relative RMS noise of *one* reference, from the difference of the two.
     rms_untrimmed : rms with nothing left out.
@@ -51,6 +53,8 @@ class Score:
     rms_high: float
     p95: float
     p95_noise: float
+    p95_clean: float
+    worst: float
     bias: float
     bias_standard_error: float
     noise: float
@@ -131,6 +135,7 @@ def score(ours: Float, first: Float, second: Float, fraction: float = TRIMMED_FR
         if not np.isfinite(values).all():
             raise ValueError(f"{name} holds {np.count_nonzero(~np.isfinite(values))} values that are not finite")
     untrimmed = mean_square_error(ours, first, second)[0]
+    worst = worst_deviation(ours, first, second, fraction)
     whole_mean = float((first + second).mean() / 2)
     left_out = largest_deviations(ours, first, second, fraction)
     ours, first, second = ours[~left_out], first[~left_out], second[~left_out]
@@ -139,6 +144,7 @@ def score(ours: Float, first: Float, second: Float, fraction: float = TRIMMED_FR
     deviation = ours - reference
     mean = float(reference.mean())
     signed = deviation.mean(axis=1)
+    p95, p95_noise = _percentile(deviation), _percentile((first - second) / 2)
     return Score(
         lumels=len(ours),
         trimmed=int(left_out.sum()),
@@ -146,13 +152,33 @@ def score(ours: Float, first: Float, second: Float, fraction: float = TRIMMED_FR
         rms=_root(square) / mean,
         rms_low=_root(square - INTERVAL * square_error) / mean,
         rms_high=_root(square + INTERVAL * square_error) / mean,
-        p95=_percentile(deviation) / mean,
-        p95_noise=_percentile((first - second) / 2) / mean,
+        p95=p95 / mean,
+        p95_noise=p95_noise / mean,
+        p95_clean=_root(p95**2 - p95_noise**2) / mean,
+        worst=worst / mean,
         bias=float(signed.mean()) / mean,
         bias_standard_error=float(signed.std() / np.sqrt(len(signed))) / mean,
         noise=_root(float(np.square(first - second).mean()) / 2) / mean,
         rms_untrimmed=_root(untrimmed) / whole_mean,
     )
+
+
+def worst_deviation(ours: Float, first: Float, second: Float, fraction: float = TRIMMED_FRACTION) -> float:
+    """Deviation (RMS over R, G, B) of the `fraction` of the lumels that are worst, at least one; all arrays (n, 3).
+
+    One reference picks the lumels and the direction in which each deviates, the other, whose noise knows nothing of
+    the choice, says how far: so the noise of what was picked adds nothing. Where noise picks lumels that are right,
+    the result is below the truth. Both ways round, averaged.
+    """
+    count = max(1, int(np.ceil(fraction * len(ours))))
+    means = []
+    for picks, measures in ((first, second), (second, first)):
+        picked, measured = ours - picks, ours - measures
+        size = np.linalg.norm(picked, axis=1)
+        rows = np.argpartition(size, len(size) - count)[len(size) - count:]
+        along = picked[rows] / np.maximum(size[rows], 1e-300)[:, None]
+        means.append(float((measured[rows] * along).sum(axis=1).mean()))
+    return max(float(np.mean(means)), 0.0) / float(np.sqrt(3))
 
 
 def noise_of(first: Float, second: Float) -> float:

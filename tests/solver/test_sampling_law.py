@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import pytest
-from radiosity.benchmarks.cycles import law
+from radiosity.solver import sampling_law as law
 
 
 def test_points_on_the_law_give_it_back_and_its_time_at_any_error() -> None:
