@@ -14,13 +14,14 @@ from .errors import (
     UnwrapError,
 )
 from .form_factor import Estimate, element_form_factor, form_factor
+from .groups import LightGroup
 from .lights import Light
 from .result import Bake, Lightmap, Solution
 from .scene import Scene, Sky, Surface, Texture
 from .settings import Settings
 
 __all__ = [
-    "Bake", "Cancelled", "Estimate", "Light", "Lightmap", "NothingToBake", "OutputError", "RadiosityError", "Scene",
-    "SceneError", "Settings", "SettingsError", "Sky", "Solution", "Surface", "Texture", "UnwrapError", "bake",
-    "element_form_factor", "form_factor", "irradiance", "solve",
+    "Bake", "Cancelled", "Estimate", "Light", "LightGroup", "Lightmap", "NothingToBake", "OutputError",
+    "RadiosityError", "Scene", "SceneError", "Settings", "SettingsError", "Sky", "Solution", "Surface", "Texture",
+    "UnwrapError", "bake", "element_form_factor", "form_factor", "irradiance", "solve",
 ]

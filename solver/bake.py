@@ -14,7 +14,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import Any
 
 import numpy as np
@@ -31,6 +31,7 @@ from .finish import finished
 from .footprints import ReceiverFootprints
 from .gather import Gather
 from .geometry import Geometry
+from .groups import GroupLight, LightGroup, in_groups
 from .importance import Importance, look_around
 from .lumels import lumels as lay_out
 from .neighbours import Neighbours
@@ -185,7 +186,7 @@ class _Work:
 
 
 def bake(scene: Scene, settings: Settings, progress: Progress | None = None,
-         cancelled: Callable[[], bool] | None = None) -> Bake:
+         cancelled: Callable[[], bool] | None = None, groups: Sequence[LightGroup] = ()) -> Bake:
     """Bake a scene: the whole way of the light.
 
     Parameters
@@ -193,6 +194,7 @@ def bake(scene: Scene, settings: Settings, progress: Progress | None = None,
     scene, settings : what to bake, and how well.
     progress : called with (stage, fraction), from worker threads too.
     cancelled : asked now and then whether to stop.
+    groups : lights to be kept apart; the result is the sum of them all, then.
 
     Returns
     -------
@@ -206,33 +208,51 @@ def bake(scene: Scene, settings: Settings, progress: Progress | None = None,
     """
     work = _Work(scene, settings, progress, cancelled)
     if settings.target == "vertex":
-        return _bake_vertices(work)
+        return _bake_vertices(work, groups)
     with work.stages("lumels"):
         lumels = lay_out(scene, settings, work.warnings, work.run.step)
         near = Neighbours(lumels)
     direct, bounced = work.light(lumels.receivers, near)
+    apart = _in_groups(work, groups, lumels.receivers, near)
     with work.stages("finish"):
         triangle = lumels.receivers.triangle
         albedo = work.geometry.reflectance(triangle, *lumels.receivers.barycentric.T)
         values = encode(_passes(direct, bounced, settings.passes), settings.quantity, albedo)
         images = finished(lumels, scene, values, settings)
+        layers = apart.encoded(settings.quantity, albedo, lambda light: finished(lumels, scene, light, settings))
+        images = layers.total(settings.quantity, images)
         placed = [(surface.name, int(page)) for surface, page in
                   zip(scene.surfaces, lumels.page_of_surface, strict=True)]
         lightmaps = tuple(Lightmap(page.name, pixels, tuple(name for name, place in placed if place == number))
                           for number, (page, pixels) in enumerate(zip(lumels.pages, images, strict=True)))
-    return Bake(lightmaps, lumels.uv, lumels.page_of_surface, None, _report(work, len(lumels)))
+    return Bake(lightmaps, lumels.uv, lumels.page_of_surface, None, _report(work, len(lumels)), layers)
 
 
-def _bake_vertices(work: _Work) -> Bake:
+def _bake_vertices(work: _Work, groups: Sequence[LightGroup]) -> Bake:
     with work.stages("lumels"):
         receivers, fit = corner_receivers(work.scene, work.settings)
     direct, bounced = work.light(receivers)
+    apart = _in_groups(work, groups, receivers, None)
     with work.stages("finish"):
         albedo = work.geometry.reflectance(receivers.triangle, *receivers.barycentric.T)
         values = encode(_passes(direct, bounced, work.settings.passes), work.settings.quantity, albedo)
-        colours = tuple(fit(values))
+        layers = apart.encoded(work.settings.quantity, albedo, fit)
+        colours = tuple(layers.total(work.settings.quantity, fit(values)))
     nowhere = np.full(len(work.scene.surfaces), -1, np.int32)
-    return Bake((), tuple(None for _ in work.scene.surfaces), nowhere, colours, _report(work, len(receivers)))
+    return Bake((), tuple(None for _ in work.scene.surfaces), nowhere, colours, _report(work, len(receivers)),
+                layers)
+
+
+def _in_groups(work: _Work, groups: Sequence[LightGroup], receivers: Receivers, near: Neighbours | None) -> GroupLight:
+    """The receivers' light of each group."""
+    def light(scene: Scene) -> Float:
+        only = _Work(scene, work.settings, None, work.run.cancelled)
+        return _passes(*only.light(receivers, near), work.settings.passes)
+
+    if not groups:
+        return GroupLight({}, {})
+    with work.stages("groups"):
+        return in_groups(work.scene, groups, light)
 
 
 def solve(scene: Scene, settings: Settings) -> Solution:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, field
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -15,6 +15,7 @@ from .audit import ErrorBar
 from .energy import EnergyBalance
 from .errors import SceneError
 from .geometry import Geometry
+from .groups import GroupLight
 from .linear import LinearResult
 from .parallel import Run
 from .scene import Scene
@@ -47,6 +48,7 @@ class Bake:
     page_of_surface : (surfaces,) int32 index into `lightmaps`, -1 for none.
     corner_colours : for target "vertex" a (count, 3, 3) float32 for every surface (None where it does not receive).
     report : what report.json holds, as far as the solver knows it.
+    groups : the light groups' images or corner colours, each as `lightmaps` or `corner_colours` (see `solver.groups`).
     """
 
     lightmaps: tuple[Lightmap, ...]
@@ -54,6 +56,7 @@ class Bake:
     page_of_surface: NDArray[np.int32]
     corner_colours: tuple[Float | None, ...] | None
     report: dict[str, Any]
+    groups: GroupLight = field(default_factory=lambda: GroupLight({}, {}))
 
 
 @dataclass(frozen=True, eq=False)
