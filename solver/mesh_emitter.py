@@ -16,6 +16,7 @@ from .errors import SceneError
 from .islands import Islands
 from .lamp_checks import put
 from .lights import LightSample, aimed
+from .panels import Panels, panels, partners
 from .polygon import Sides, polygons_form_factor
 
 Float = NDArray[np.floating[Any]]
@@ -28,7 +29,7 @@ TINY = float(np.finfo(np.float64).tiny)
 # Difference of the parts of red, green and blue in two triangles' light, up to which they have one chromaticity.
 CHROMATICITY_STEP = 1e-3
 # Up to this many separate pieces of emissive surface, each is a lamp of its own; more are grouped by place alone.
-FEW_ISLANDS = 16
+FEW_ISLANDS = 256
 # Above this many chromaticities, splitting by channel is thought of.
 MANY_COLOURS = 16
 # What the closed form sums with and without the backs of triangles.
@@ -57,7 +58,7 @@ class MeshEmitter:
     radiance: Float
     two_sided: bool = True
     closed_box: Float | None = None
-    _triangles: _Triangles = field(init=False, repr=False)
+    _pieces: _Pieces = field(init=False, repr=False)
 
     def __post_init__(self) -> None:
         corners, radiance = np.array(self.corners, np.float64), np.array(self.radiance, np.float64)
@@ -65,19 +66,19 @@ class MeshEmitter:
             raise SceneError(f"emitter {self.name!r}: corners {corners.shape} must be (k, 3, 3), k > 0, finite")
         if radiance.shape != (len(corners), 3) or not np.isfinite(radiance).all() or (radiance < 0).any():
             raise SceneError(f"emitter {self.name!r}: radiance must be ({len(corners)}, 3), >= 0 and finite")
-        triangles = _Triangles.of(corners, radiance)
-        mixed = radiance - radiance.sum(axis=1, keepdims=True) * triangles.chromaticity
-        mixed = mixed[np.abs(triangles.normal).any(axis=1)]  # a triangle without area has no say
+        pieces = _Pieces.of(panels(corners, radiance), radiance)
+        mixed = radiance[pieces.triangle] - radiance[pieces.triangle].sum(axis=1, keepdims=True) * pieces.chromaticity
+        mixed = mixed[np.abs(pieces.normal).any(axis=1)]  # a triangle without area has no say
         if np.abs(mixed).max(initial=0) > 2 * CHROMATICITY_STEP * radiance.sum(axis=1).max(initial=0):
             raise SceneError(f"emitter {self.name!r} mixes colours: split it by chromaticity, as group_emitters does")
-        put(self, corners=corners, radiance=radiance, _triangles=triangles)
+        put(self, corners=corners, radiance=radiance, _pieces=pieces)
         if self.closed_box is not None:
             put(self, closed_box=np.array(self.closed_box, np.float64).reshape(2, 3))
 
     @property
     def colour(self) -> Float:
         """(3,) float32: the flux of one side / pi."""
-        return self._triangles.colour
+        return self._pieces.colour
 
     def power(self) -> Float:
         """(3,) float32: flux that leaves the triangles, W, of both sides if both shine."""
@@ -89,13 +90,13 @@ class MeshEmitter:
             return None
         if not self.colour.any():
             return np.zeros((len(points), 3), np.float32)
-        strength = self.radiance.sum(axis=1, keepdims=True) * np.pi
         factor = np.zeros((len(points), 1), np.float32)
         back = self._sees_backs(points)
         for rows, sides in ((np.flatnonzero(back), SIDES[True]), (np.flatnonzero(~back), SIDES[False])):
             if len(rows):
-                factor[rows] = polygons_form_factor(points[rows], normals[rows], self.corners, strength, sides)
-        return np.asarray(factor * self._triangles.chromaticity, np.float32)
+                for outlines, strength in self._pieces.polygons:
+                    factor[rows] += polygons_form_factor(points[rows], normals[rows], outlines, strength, sides)
+        return np.asarray(factor * self._pieces.chromaticity, np.float32)
 
     def _sees_backs(self, points: Float) -> NDArray[np.bool_]:
         """(n,) whether the backs of the triangles light the points, as far as can be told without rays."""
@@ -105,12 +106,18 @@ class MeshEmitter:
         return np.asarray(((points >= low) & (points <= high)).all(axis=1))
 
     def sample(self, points: Float, normals: Float, uv: Float) -> LightSample:
-        """Points spread over the triangles by flux: the first number picks the triangle and is stretched again."""
-        chosen, u = self._triangles.choose(uv[:, 0])
-        root = np.sqrt(u)[:, None]
-        some = self._triangles
-        target = some.corner[chosen] + some.first[chosen] * (1 - root) + some.second[chosen] * (root * uv[:, 1:])
-        return aimed(points, normals, target, some.normal[chosen], self._sees_backs(points))
+        """Points spread over the panels by flux: the first number picks the panel and is stretched again."""
+        pieces = self._pieces
+        if len(pieces.limit) == 1:
+            chosen, u, v = np.zeros(len(points), np.intp), uv[:, 0], uv[:, 1]
+        else:
+            chosen, u = pieces.choose(uv[:, 0])
+            v = uv[:, 1]
+        first, second = pieces.spread(chosen, u, v)
+        target = pieces.corner[chosen]
+        target += pieces.first[chosen] * first[:, None]
+        target += pieces.second[chosen] * second[:, None]
+        return aimed(points, normals, target, pieces.normal[chosen], self._sees_backs(points))
 
     def translated(self, offset: Float) -> MeshEmitter:
         """The same triangles, moved by (3,) metres."""
@@ -119,36 +126,54 @@ class MeshEmitter:
 
 
 @dataclass(frozen=True, eq=False)
-class _Triangles:
-    """What sampling reads, float32: a corner and the two sides from it, unit normals, (k, 3) each; upper limits (k,) of
-    the triangles' shares of the flux; chromaticity and colour (3,) of the group."""
+class _Pieces:
+    """Panels as sampling reads them, float32: a corner and the two sides from it, unit normals, (k, 3) each; whether
+    they are parallelograms (k,); upper limits (k,) of their shares of the flux; one triangle of each (k,); chromaticity
+    and colour (3,) of the group; and for the closed form outlines, with the exitance (k, 1) of each."""
 
     corner: Float
     first: Float
     second: Float
     normal: Float
+    square: NDArray[np.bool_]
     limit: Float
+    triangle: Int
     chromaticity: Float
     colour: Float
+    polygons: list[tuple[Float, Float]]
 
     @classmethod
-    def of(cls, corners: Float, radiance: Float) -> _Triangles:
-        first, second = corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]
-        cross = np.cross(first, second)
-        double_area = np.linalg.norm(cross, axis=1)
-        normal = cross / np.maximum(double_area, np.finfo(np.float64).tiny)[:, None]
-        flux = double_area / 2 @ radiance
-        limit = np.cumsum(double_area / 2 * radiance.sum(axis=1)) / max(float(flux.sum()), TINY)
-        chromaticity = flux / max(float(flux.sum()), TINY)
-        return cls(*(array.astype(np.float32) for array in
-                     (corners[:, 0], first, second, normal, limit, chromaticity, flux)))
+    def of(cls, flat: Panels, radiance: Float) -> _Pieces:
+        cross = np.cross(flat.first, flat.second)
+        parallelogram = np.linalg.norm(cross, axis=1)
+        normal = cross / np.maximum(parallelogram, np.finfo(np.float64).tiny)[:, None]
+        area = np.where(flat.square, parallelogram, parallelogram / 2)
+        radiance = radiance[flat.triangle]
+        flux = area @ radiance
+        limit = np.cumsum(area * radiance.sum(axis=1)) / max(float(flux.sum()), TINY)
+        corner, first, second, normal, limit, chromaticity, colour = (array.astype(np.float32) for array in (
+            flat.corner, flat.first, flat.second, normal, limit, flux / max(float(flux.sum()), TINY), flux))
+        polygons = []
+        for square in (True, False):
+            rows, outlines = flat.outlines(square)
+            if len(rows):
+                polygons.append((outlines, radiance[rows].sum(axis=1, keepdims=True) * np.pi))
+        return cls(corner, first, second, normal, flat.square, limit, flat.triangle, chromaticity, colour, polygons)
 
     def choose(self, u: Float) -> tuple[NDArray[np.intp], Float]:
-        """Triangle for each u in [0, 1), and where in the triangle's share u lies, in [0, 1]."""
-        last = int(np.searchsorted(self.limit, self.limit[-1]))  # triangles after it send nothing
+        """Panel for each u in [0, 1), and where in the panel's share u lies, in [0, 1]."""
+        last = int(np.searchsorted(self.limit, self.limit[-1]))  # panels after it send nothing
         chosen = np.minimum(np.searchsorted(self.limit, u, side="right"), last)
         low = np.where(chosen > 0, self.limit[chosen - 1], 0)
         return chosen, np.clip((u - low) / np.maximum(self.limit[chosen] - low, np.finfo(np.float32).tiny), 0, 1)
+
+    def spread(self, chosen: Int, u: Float, v: Float) -> tuple[Float, Float]:
+        """How far along the two sides a sample lies, evenly over the panel: (n,) each."""
+        if self.square.all():
+            return u, v
+        root = np.sqrt(u)
+        square = self.square[chosen]
+        return np.where(square, u, 1 - root), np.where(square, v, root * v)
 
 
 def group_emitters(
@@ -176,10 +201,11 @@ def group_emitters(
     corners, radiance = np.asarray(corners, np.float64)[lit], exitance[lit] / np.pi
     islands = Islands.of(corners)
     corners = np.where(islands.inverted[:, None, None], corners[:, ::-1], corners)
+    centre = _centres(corners, radiance)
     parts = []
     for rows, colours in _by_colour(radiance, most_triangles):
         for island in _by_label(islands.label, rows) if len(islands.box) <= FEW_ISLANDS else [rows]:
-            parts += [(some, colours) for some in _clusters(corners, island, most_triangles)]
+            parts += [(some, colours) for some in _clusters(centre, island, most_triangles)]
     return tuple(MeshEmitter(f"{name}.{number}", corners[rows], colours[rows], closed_box=islands.box_around(rows))
                  for number, (rows, colours) in enumerate(parts))
 
@@ -201,9 +227,15 @@ def _by_label(label: Int, rows: Int) -> list[Int]:
     return np.split(order, np.flatnonzero(np.diff(label[order])) + 1)
 
 
-def _clusters(corners: Float, rows: Int, most: int) -> list[Int]:
-    """Rows in boxes of at most `most` triangles: halved at the median along the longest side."""
+def _centres(corners: Float, radiance: Float) -> Float:
+    """(t, 3) the middle of each triangle, or of the parallelogram that it is half of, so that halves stay together."""
     centre = corners.mean(axis=1)
+    other = partners(corners, radiance)[:, 0]
+    return np.where(other[:, None] >= 0, (centre + centre[other]) / 2, centre)
+
+
+def _clusters(centre: Float, rows: Int, most: int) -> list[Int]:
+    """Rows in boxes of at most `most` triangles: halved at the median along the longest side."""
     waiting, done = [rows], []
     while waiting:
         some = waiting.pop()

@@ -71,6 +71,15 @@ def test_rays_are_added_in_the_penumbra_until_the_error_is_met(tolerance):
     assert (error < tolerance).all()
 
 
+@pytest.mark.parametrize("lamp", LAMPS)
+def test_rays_are_added_for_a_mesh_lamp_too_until_the_error_is_met(lamp):
+    # P-27, 64 receivers at each place, wanted .002 W/m2 (1 % of the open value): no more is found.
+    points, normals = _edge_points(64)
+    found = _lit(BLADE.scene(), LAMPS[lamp], points, normals, tolerance=0.002).reshape(64, -1)
+    error = np.sqrt(np.mean((found - list(KNIFE_EDGE.values())) ** 2, axis=0))
+    assert (error < 0.002).all()
+
+
 def test_the_weighted_part_is_unbiased_where_the_uniform_part_is_not():
     # A wide lamp just above a receiver at its rim, half of it hidden: near parts count for more. The closed form of
     # the visible half is the truth; the share of free rays alone is off by more than a tenth of the open value.
