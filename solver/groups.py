@@ -88,13 +88,15 @@ class Tinted:
 def tint(scene: Scene, group: LightGroup) -> Float:
     """(3,) float32, the brightest channel 1: what the group's white light is to be multiplied by.
 
-    White where its members differ in colour: their own colours are baked then.
+    White where its members differ in colour, and for a sky's map: their own colours are baked then.
     """
+    if group.sky and scene.sky.radiance.ndim > 1:
+        return WHITE
     colours = [light.colour for light in (scene.lights[index] for index in group.lights)]
     if group.emission is not None:
         colours += list(np.unique(np.asarray(scene.emission)[group.emission], axis=0))
     if group.sky:
-        colours += list(np.unique(scene.sky.radiance.reshape(-1, 3), axis=0))
+        colours.append(scene.sky.radiance)
     found = np.array([colour for colour in colours if np.any(colour)], np.float64).reshape(-1, 3)
     if not len(found):
         return WHITE
@@ -165,7 +167,8 @@ class GroupLight:
     layers: dict[str, Any]
     tints: dict[str, Float]
 
-    def encoded(self, quantity: str, reflectance: Float, finish: Callable[[Float], Sequence[Float | None]]) -> GroupLight:
+    def encoded(self, quantity: str, reflectance: Float,
+                finish: Callable[[Float], Sequence[Float | None]]) -> GroupLight:
         """From values (n, 3) of receivers to images or corner colours, by `finish`.
 
         Illuminance mixes the channels, so it is kept as irradiance until `total`.
@@ -174,7 +177,7 @@ class GroupLight:
         return GroupLight({name: tuple(finish(encode(values, kept, reflectance)))
                            for name, values in self.layers.items()}, self.tints)
 
-    def total(self, quantity: str, whole: Sequence[Float | None]) -> list[Float | None]:
+    def total(self, quantity: str, whole: Sequence[Any]) -> list[Any]:
         """The sum of the groups; `whole` if there are none."""
         return mixed(list(self.layers.values()), list(self.tints.values()), quantity) if self.layers else list(whole)
 

@@ -15,7 +15,7 @@ from numpy.typing import ArrayLike, NDArray
 Float = NDArray[np.floating[Any]]
 
 # A layer's brightest value is kept as this, the largest power of two of a half float; what is darker than the smallest
-# half float that is not denormal, 2e-9 of it, is kept as zero: denormal numbers cost a hundred times as much to multiply.
+# half float that is not denormal, 2e-9 of it, is kept as zero: denormal numbers cost far more to multiply.
 BRIGHTEST = 2.0**15
 DARKEST = 2.0**-14
 # A half float's bits, moved to a float's places, are the number times 2^-112. The power is given back in two steps, so
