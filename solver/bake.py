@@ -23,6 +23,7 @@ from numpy.typing import NDArray
 from .adaptive import gather_adaptively
 from .audit import Auditor, ErrorBar, error_bar
 from .cells import Cells
+from .closure import patch_table
 from .direct import PILOT_RAYS as PILOT
 from .direct import DirectLight
 from .energy import energy_balance
@@ -225,7 +226,8 @@ def bake(scene: Scene, settings: Settings, progress: Progress | None = None,
                   zip(scene.surfaces, lumels.page_of_surface, strict=True)]
         lightmaps = tuple(Lightmap(page.name, pixels, tuple(name for name, place in placed if place == number))
                           for number, (page, pixels) in enumerate(zip(lumels.pages, images, strict=True)))
-    return Bake(lightmaps, lumels.uv, lumels.page_of_surface, None, _report(work, len(lumels)), layers)
+    return Bake(lightmaps, lumels.uv, lumels.page_of_surface, None, _report(work, len(lumels)), layers,
+                patch_table(work.transported))
 
 
 def _bake_vertices(work: _Work, groups: Sequence[LightGroup]) -> Bake:
@@ -240,7 +242,7 @@ def _bake_vertices(work: _Work, groups: Sequence[LightGroup]) -> Bake:
         colours = tuple(layers.total(work.settings.quantity, fit(values)))
     nowhere = np.full(len(work.scene.surfaces), -1, np.int32)
     return Bake((), tuple(None for _ in work.scene.surfaces), nowhere, colours, _report(work, len(receivers)),
-                layers)
+                layers, patch_table(work.transported))
 
 
 def _in_groups(work: _Work, groups: Sequence[LightGroup], receivers: Receivers, near: Neighbours | None) -> GroupLight:
@@ -270,9 +272,10 @@ def solve(scene: Scene, settings: Settings) -> Solution:
     return Solution.of(work.geometry, transport, work.linear, work.stages)
 
 
-def irradiance(scene: Scene, settings: Settings, points: Float, normals: Float) -> Float:
+def irradiance(scene: Scene, settings: Settings, points: Float, normals: Float, progress: Progress | None = None,
+               cancelled: Callable[[], bool] | None = None) -> Float:
     """Irradiance at receivers anywhere: points (n, 3) metres, normals (n, 3) -> (n, 3) float32, W/m2."""
-    work = _Work(scene, settings, None, None)
+    work = _Work(scene, settings, progress, cancelled)
     direct, bounced = work.light(probes(scene, points, normals))
     return _passes(direct, bounced, settings.passes)
 

@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .audit import ErrorBar
+from .closure import PatchTable
 from .energy import EnergyBalance
 from .errors import SceneError
 from .geometry import Geometry
@@ -49,6 +50,7 @@ class Bake:
     corner_colours : for target "vertex" a (count, 3, 3) float32 for every surface (None where it does not receive).
     report : what report.json holds, as far as the solver knows it.
     groups : the light groups' images or corner colours, each as `lightmaps` or `corner_colours` (see `solver.groups`).
+    patches : figures of each patch (see `solver.closure`).
     """
 
     lightmaps: tuple[Lightmap, ...]
@@ -57,6 +59,7 @@ class Bake:
     corner_colours: tuple[Float | None, ...] | None
     report: dict[str, Any]
     groups: GroupLight = field(default_factory=lambda: GroupLight({}, {}))
+    patches: PatchTable | None = None
 
 
 @dataclass(frozen=True, eq=False)

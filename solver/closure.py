@@ -1,0 +1,100 @@
+"""Figures of each patch that tell of leaks and of where the energy goes.
+
+In a closed scene every row of form factors sums to 1 (sum_j F_ij = 1, Goral et al. 1984): rays that meet nothing have
+slipped through a gap. Rays that meet the back of a face look at the inside of something: a flipped normal, or a wall
+that light comes through.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .cells import NOTHING
+
+if TYPE_CHECKING:
+    from .transport import Transport
+
+Float = NDArray[np.floating[Any]]
+
+
+@dataclass(frozen=True, eq=False)
+class PatchTable:
+    """One row a patch whose form factors were traced.
+
+    Attributes
+    ----------
+    middle : (p, 3) float64, metres, world space.
+    normal : (p, 3) float32 unit normals, zero where the cells of a patch face against each other.
+    area : (p,) float32, m2.
+    surface : (p,) int32 index into `Scene.surfaces`: the object with most of the area.
+    row_sum : (p,) float32, sum_j F_ij over surfaces: the part of the rays that meets one; the rest sees the sky.
+    back_faces : (p,) float32, the part of the rays that meets the back of a face.
+    leaving, absorbed : (p,) float32, W/m2, mean of the three channels: emitted and reflected; kept.
+    """
+
+    middle: Float
+    normal: Float
+    area: Float
+    surface: NDArray[np.int32]
+    row_sum: Float
+    back_faces: Float
+    leaving: Float
+    absorbed: Float
+
+    def __len__(self) -> int:
+        return len(self.area)
+
+
+def patch_table(transport: Transport) -> PatchTable:
+    """Read the figures off a solved transport."""
+    cells, patch, count = transport.cells, transport.cell_patch, len(transport.patches)
+    side, front = cells.side, (cells.side & 1).astype(bool)
+    area = cells.area(side).astype(np.float64)
+    total = np.bincount(patch, area, count)
+    triangle = cells.triangle_of(side)
+
+    def mean(values: Float) -> Float:
+        """Area-weighted means over the patches of (cells, k) values."""
+        columns = [np.bincount(patch, area * column, count) for column in values.T]
+        return np.asarray(np.stack(columns, axis=1) / np.maximum(total, 1e-30)[:, None])
+
+    facing = np.where(front[:, None], transport.geometry.normal[triangle], -transport.geometry.normal[triangle])
+    normal = mean(facing)
+    length = np.linalg.norm(normal, axis=1, keepdims=True)
+    normal = np.divide(normal, length, out=np.zeros_like(normal), where=length > 1e-6)
+    indirect = np.nan_to_num(transport.irradiance)[patch]
+    absorbed = (1 - transport.cell_reflectance) * (transport.cell_incident + indirect)
+    leaving = transport.cell_direct + transport.cell_reflectance * indirect
+    watts = mean(np.stack([leaving.mean(axis=1), absorbed.mean(axis=1)], axis=1))
+    row_sum, back, traced = np.zeros(count), np.zeros(count), np.zeros(count, bool)
+    is_back = np.append(~front, False)  # the last entry is NOTHING's
+    for rows in transport.rows:
+        row_sum[rows.patch] = (rows.hits != NOTHING).mean(axis=1)
+        back[rows.patch] = is_back[rows.hits].mean(axis=1)
+        traced[rows.patch] = True
+    keep = np.flatnonzero(traced & (total > 0))
+    half = np.full(len(side), 0.5, np.float32)
+    place = transport.geometry.point(*cells.places(side, half, half)[:3])
+    middle = mean(place)[keep] + transport.geometry.scene.origin
+    return PatchTable(middle, *(np.asarray(values[keep], np.float32) for values in (normal, total)),
+                      _owners(transport, patch, triangle, area, count)[keep],
+                      *(np.asarray(values[keep], np.float32) for values in (row_sum, back, watts[:, 0], watts[:, 1])))
+
+
+def _owners(transport: Transport, patch: NDArray[np.int32], triangle: NDArray[np.int32], area: Float,
+            count: int) -> NDArray[np.int32]:
+    """(patches,) int32: the surface that most of each patch's area belongs to."""
+    surfaces = transport.geometry.scene.surfaces
+    starts = np.array([surface.first for surface in surfaces])
+    # Surfaces without triangles begin where the next one does: the last of those that begin there has them.
+    surface = np.searchsorted(starts, triangle, side="right") - 1
+    pairs, inverse = np.unique(patch.astype(np.int64) * len(surfaces) + surface, return_inverse=True)
+    size = np.bincount(inverse.reshape(-1), area, len(pairs))
+    order = np.argsort(size, kind="stable")
+    owner = np.zeros(count, np.int32)
+    owner[pairs[order] // len(surfaces)] = (pairs % len(surfaces))[order]  # the largest is written last
+    return owner
