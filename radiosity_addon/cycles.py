@@ -220,3 +220,70 @@ def _render_result_kept() -> Iterator[None]:
         yield
     finally:
         bpy.data.images[RENDER_RESULT].render_slots.active_index = active
+
+
+# Bounces of a bake that is compared with ours.
+BOUNCES = 64
+
+
+def set_up_bake(scene: Any) -> None:
+    """Settings of a bake without bias: nothing clamped, guessed, thinned out or smoothed; plain Sobol points (blue noise
+    ties neighbours together).
+    """
+    scene.render.engine = "CYCLES"
+    scene.render.use_simplify = False
+    settings = scene.cycles
+    settings.device = "CPU"
+    settings.use_adaptive_sampling = False
+    settings.use_denoising = False
+    settings.sample_clamp_direct = settings.sample_clamp_indirect = 0.0
+    settings.light_sampling_threshold = 0.0
+    settings.use_light_tree = True
+    settings.use_fast_gi = False
+    settings.use_guiding = False
+    settings.sampling_pattern = "TABULATED_SOBOL"
+    settings.max_bounces = settings.diffuse_bounces = BOUNCES
+    settings.min_light_bounces = 0
+    scene.render.bake.use_clear = True
+    scene.render.bake.margin = 0
+
+
+def bake_diffuse(item: Any, passes: str) -> None:
+    """Bake the diffuse light of an object, E / pi, into the active image of each of its materials.
+
+    `passes` is a word of the settings; layout is the mesh's active UV map. For a scene of our own: the selection changes.
+    """
+    for other in bpy.context.view_layer.objects:
+        other.select_set(other == item)
+    bpy.context.view_layer.objects.active = item
+    kinds = {"both": {"DIRECT", "INDIRECT"}, "direct": {"DIRECT"}, "indirect": {"INDIRECT"}}[passes]
+    bpy.ops.object.bake(type="DIFFUSE", pass_filter=kinds, target="IMAGE_TEXTURES", save_mode="INTERNAL", margin=0,
+                        use_clear=True)
+
+
+def render_still(scene: Any, path: Path, samples: int) -> None:
+    """Render the camera's view by Cycles to an EXR file of linear light. For a scene of our own."""
+    scene.cycles.samples = samples
+    _render_to(scene, path)
+
+
+def render_eevee(scene: Any, path: Path, samples: int) -> None:
+    """The same by Eevee, whose name was another before Blender 5."""
+    try:
+        scene.render.engine = "BLENDER_EEVEE_NEXT"
+    except TypeError:
+        scene.render.engine = "BLENDER_EEVEE"
+    scene.eevee.taa_render_samples = samples
+    _render_to(scene, path)
+
+
+def _render_to(scene: Any, path: Path) -> None:
+    render = scene.render
+    render.use_compositing = render.use_sequencer = False
+    render.film_transparent = False
+    render.use_file_extension = False
+    render.filepath = str(path)
+    render.image_settings.file_format = "OPEN_EXR"
+    render.image_settings.color_mode = "RGB"
+    render.image_settings.color_depth = "32"
+    bpy.ops.render.render(write_still=True, scene=scene.name)
