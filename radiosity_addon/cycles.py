@@ -227,8 +227,8 @@ BOUNCES = 64
 
 
 def set_up_bake(scene: Any) -> None:
-    """Settings of a bake without bias: nothing clamped, guessed, thinned out or smoothed; plain Sobol points (blue noise
-    ties neighbours together).
+    """Settings of a bake without bias: nothing clamped, guessed, thinned out or smoothed; plain Sobol points (blue
+    noise ties neighbours together).
     """
     scene.render.engine = "CYCLES"
     scene.render.use_simplify = False
@@ -251,7 +251,7 @@ def set_up_bake(scene: Any) -> None:
 def bake_diffuse(item: Any, passes: str) -> None:
     """Bake the diffuse light of an object, E / pi, into the active image of each of its materials.
 
-    `passes` is a word of the settings; layout is the mesh's active UV map. For a scene of our own: the selection changes.
+    `passes` is a word of the settings; the layout is the active UV map. For scenes of our own: it selects.
     """
     for other in bpy.context.view_layer.objects:
         other.select_set(other == item)
