@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from .footprints import ReceiverFootprints
+from .fans import Fans
 from .gather import Gather
 from .neighbours import Neighbours
 from .parallel import Run
@@ -38,7 +38,7 @@ LONE_PRIOR = 0.6
 CLOSE_ENOUGH = 1.1
 
 
-def gather_adaptively(transport: Transport, places: ReceiverFootprints, plan: Plan, level: float, seed: int,
+def gather_adaptively(transport: Transport, fans: Fans, plan: Plan, level: float, seed: int,
                       neighbours: Neighbours | None, run: Run) -> tuple[Float, Float]:
     """Gather until the sampling error is about `plan.gather_error` of the mean light.
 
@@ -52,15 +52,15 @@ def gather_adaptively(transport: Transport, places: ReceiverFootprints, plan: Pl
     (n, 3) float32 irradiance from sky and gathered emitters, and from reflected light, W/m2.
     """
     def look(rows: Int, rays: int, number: int) -> Float:
-        return np.concatenate(Gather(transport, rays, seed + 1000 * number).light(places, rows, run), axis=1)
+        return np.concatenate(Gather(transport, rays, seed + 1000 * number).light(fans, rows, run), axis=1)
 
     half = plan.gather_rays // 2
-    everything = np.arange(len(places))
+    everything = np.arange(len(fans))
     looks = [look(everything, half, 1), look(everything, half, 2)]
-    rays = np.full(len(places), half, np.int64)
+    rays = np.full(len(fans), half, np.int64)
     around = None if neighbours is None else neighbours.at(1)
     for number in range(MOST_ROUNDS + 1):
-        smoothed = looks if neighbours is None else smooth(looks[0], looks[1], places.receivers, neighbours, run)
+        smoothed = looks if neighbours is None else smooth(looks[0], looks[1], fans.receivers, neighbours, run)
         value = (smoothed[0] + smoothed[1]) / 2
         variance = _pooled(smoothed[0] - smoothed[1], around)
         wanted = (plan.gather_error * (level + float((value[:, :3] + value[:, 3:]).mean()))) ** 2

@@ -28,6 +28,7 @@ from .direct import PILOT_RAYS as PILOT
 from .direct import DirectLight
 from .energy import energy_balance
 from .errors import NothingToBake
+from .fans import Fans
 from .finish import finished
 from .footprints import ReceiverFootprints
 from .gather import Gather
@@ -111,8 +112,10 @@ class _Work:
             cells = Cells(self.geometry, self.plan.cell_size)
             transport = Transport(self.geometry, self.direct, self.sampled_emitter, cells, patches, seed, self.run)
             step = max(1, len(places) * PILOT_RAYS // PILOT_TOTAL)
-            self.seen = Gather(transport, PILOT_RAYS, seed + 1).meet(places, np.arange(0, len(places), step), self.run)
-            transport.meet(cells.companions(COMPLETE_CELLS))
+            self.fans = Fans(places)
+            some = np.arange(0, len(places), step)
+            self.seen = Gather(transport, PILOT_RAYS, seed + 1).meet(self.fans, some, self.run)
+            transport.meet([cells.companions(COMPLETE_CELLS)])
         with self.stages("form factors"):
             transport.discover(self.plan.row_rays)
         with self.stages("solve"):
@@ -145,7 +148,7 @@ class _Work:
         places = ReceiverFootprints(self.geometry, receivers, self.settings.footprint, seed)
         self.transported = self.transport(receivers, places)
         with self.stages("gather"):
-            first, bounced = gather_adaptively(self.transported, places, self.plan, self.lamps, seed, near, self.run)
+            first, bounced = gather_adaptively(self.transported, self.fans, self.plan, self.lamps, seed, near, self.run)
         with self.stages("direct"):
             level = self.lamps + float(first.mean() + bounced.mean())
             direct = first + self.direct.irradiance(places, self.run, level * self.plan.direct_error,

@@ -48,7 +48,8 @@ class Cells:
             size *= 1.25
         self.size = size
         self._base = np.concatenate([[0], np.cumsum(count)[:-1]]) * 2
-        self._row_of = np.zeros(int(count.sum()) * 2, np.int32)  # 0: not met; else row + 1
+        # 0: not met; else row + 1. The last entry stands for NOTHING.
+        self._row_of = np.zeros(int(count.sum()) * 2 + 1, np.int32)
         self.side = np.empty(0, np.int64)
 
     def __len__(self) -> int:
@@ -70,16 +71,20 @@ class Cells:
 
     def meet(self, sides: NDArray[np.int64]) -> slice:
         """Give rows to the sides that have none yet, in the order of their numbers; return the new rows."""
-        sides = sides[sides >= 0]
-        fresh = np.unique(sides[self._row_of[sides] == 0])
+        fresh = self.unmet(sides)
         first = len(self.side)
         self._row_of[fresh] = np.arange(first + 1, first + 1 + len(fresh), dtype=np.int32)
         self.side = np.concatenate([self.side, fresh])
         return slice(first, len(self.side))
 
+    def unmet(self, sides: NDArray[np.int64]) -> NDArray[np.int64]:
+        """The sides that have no row yet, each once, in the order of their numbers."""
+        fresh = sides[np.take(self._row_of, sides) == 0]
+        return np.unique(fresh[fresh >= 0])
+
     def rows(self, sides: NDArray[np.int64]) -> NDArray[np.int32]:
         """The row of each side; NOTHING where it has none."""
-        return np.where(sides >= 0, self._row_of[np.maximum(sides, 0)] - 1, NOTHING).astype(np.int32)
+        return np.asarray(np.take(self._row_of, sides) - np.int32(1))
 
     def companions(self, most: int) -> NDArray[np.int64]:
         """All cells on the sides of triangles of which one was met; none where that would be more than `most`."""

@@ -41,18 +41,24 @@ class ReceiverFootprints:
     ----------
     geometry, receivers : the surfaces and the points on them.
     part : `Settings.footprint`.
+
+    Attributes
+    ----------
+    step : (n, 2, 2) float32, change of (u, v) along the two sides of that part.
+    free : (n,) bool, receivers on no triangle.
+    hidden : (n,) bool, whether some of the footprint may lie under a face that touches it.
     """
 
     def __init__(self, geometry: Geometry, receivers: Receivers, part: float, seed: int) -> None:
         self.geometry, self.receivers = geometry, receivers
         self.identity = np.arange(len(receivers), dtype=np.int64)
         self._seed = seed
-        self._step = receivers.footprint * np.float32(part)
-        self._free = receivers.triangle < 0
+        self.step = receivers.footprint * np.float32(part)
+        self.free = receivers.triangle < 0
         self._free_offset = np.float32(self.geometry.offset.max(initial=0))
-        self._any_free = bool(self._free.any())
-        self._hidden = np.zeros(len(receivers), bool)
-        self._hidden = self._partly_hidden()
+        self._any_free = bool(self.free.any())
+        self.hidden = np.zeros(len(receivers), bool)
+        self.hidden = self._partly_hidden()
 
     def __len__(self) -> int:
         return len(self.receivers)
@@ -60,7 +66,7 @@ class ReceiverFootprints:
     def sample(self, rows: Int, x: Float, y: Float) -> tuple[Float, Float]:
         """See Footprints."""
         triangle = self.receivers.triangle[rows]
-        centre, step = self.receivers.barycentric[rows], self._step[rows]
+        centre, step = self.receivers.barycentric[rows], self.step[rows]
         place = self._offset(centre, step, x, y)
         lost = _outside(place)
         lost &= ~_outside(centre)
@@ -79,21 +85,25 @@ class ReceiverFootprints:
         flat = self.geometry.point(triangle, u, v)
         points = self.geometry.lifted(flat, triangle, np.ones(len(rows), bool))
         normals = self.geometry.shading_normal(triangle, u, v)
-        doubtful = np.flatnonzero(self._hidden[rows])
+        doubtful = np.flatnonzero(self.hidden[rows])
         if len(doubtful):
             normals[doubtful[self.geometry.buried.find(flat[doubtful], triangle[doubtful])]] = 0
         if self._any_free:
-            free = self._free[rows]
+            free = self.free[rows]
             normals[free] = self.receivers.normal[rows[free]]
-            points[free] = self.receivers.position[rows[free]] + normals[free] * self._free_offset
+            points[free] = self.free_start(rows[free])
         return points, normals
+
+    def free_start(self, rows: Int) -> Float:
+        """(n, 3) float32: where rays of receivers on no triangle start."""
+        return np.asarray(self.receivers.position[rows] + self.receivers.normal[rows] * self._free_offset)
 
     def _partly_hidden(self) -> NDArray[np.bool_]:
         """Footprints with a corner or middle that a touching face hides."""
-        rows = np.flatnonzero(~self._free)
+        rows = np.flatnonzero(~self.free)
         found = np.zeros(len(self), bool)
         for x, y in ((0.5, 0.5), (0.0, 0.0), (1.0, 0.0), (0.0, 1.0), (1.0, 1.0)):
-            place = self._offset(self.receivers.barycentric[rows], self._step[rows],
+            place = self._offset(self.receivers.barycentric[rows], self.step[rows],
                                  np.full(len(rows), x, np.float32), np.full(len(rows), y, np.float32))
             triangle = self.receivers.triangle[rows]
             found[rows] |= self.geometry.buried.find(self.geometry.point(triangle, place[:, 0], place[:, 1]), triangle)

@@ -15,11 +15,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from .footprints import Footprints
+from .fans import Fans
 from .parallel import Run, slices
-from .sampling import cosine_directions, kronecker, shifted, shifts
-from .transport import Transport
-from .visibility import Hits
+from .sampling import cosine_directions, shifts
+from .tables import mean_over_rays
+from .transport import Met, Transport
 
 Float = NDArray[np.floating[Any]]
 Int = NDArray[np.integer[Any]]
@@ -41,17 +41,17 @@ LATE_RAYS = 64
 
 @dataclass
 class _Rays:
-    """The rays of a run of footprints, while they are followed."""
+    """The rays of a run of receivers, while they are followed."""
 
-    rows: Int  # (n,) footprints
+    rows: Int  # (n,) receivers
     sides: NDArray[np.int64]  # (n * rays,) of cells, of the first hits
+    fresh: NDArray[np.int64]  # those of the last hits that have no row yet
     sky: Float  # (n, 3) mean irradiance
     lit: NDArray[np.bool_] | None  # (n * rays,) whether light can arrive at the ray's start; None: everywhere
     going: Int  # which rays go on,
-    hits: Hits  # what they met last,
-    last: NDArray[np.int64]  # the sides of cells there,
+    met: Met  # what they met last,
     carried: Float  # and the reflectance so far, (going, 3)
-    value: Float  # (n * rays, 3) radiosity brought so far
+    value: Float  # (n * rays, 4) radiosity brought so far
 
 
 class Gather:
@@ -60,31 +60,28 @@ class Gather:
     Parameters
     ----------
     transport : cells, patches, rows, solved.
-    rays : of each footprint.
+    rays : of each receiver.
     seed : of the shifts.
     """
 
     def __init__(self, transport: Transport, rays: int, seed: int) -> None:
         self.transport, self.count, self.seed = transport, rays, seed
-        # Direction (0, 1), footprint (2, 3).
-        self._points = kronecker(rays, 4)
 
-    def meet(self, places: Footprints, rows: Int, run: Run) -> NDArray[np.int32]:
-        """Let the rays of some footprints find cells; return the cells' rows, NOTHING for the sky."""
-        pieces = self._map(run, lambda part: self._trace(places, part).sides, rows)
-        sides = np.concatenate(pieces)
-        self.transport.meet(sides)
-        return self.transport.cells.rows(sides)
+    def meet(self, fans: Fans, rows: Int, run: Run) -> NDArray[np.int32]:
+        """Let the rays of some receivers find cells; return the cells' rows, NOTHING for the sky."""
+        pieces = self._map(run, lambda part: self._trace(fans, part), rows)
+        self.transport.meet([piece.fresh for piece in pieces])
+        return self.transport.cells.rows(np.concatenate([piece.sides for piece in pieces]))
 
-    def light(self, places: Footprints, rows: Int, run: Run) -> tuple[Float, Float]:
-        """Irradiance from sky and gathered emitters, and from light that surfaces reflect, of footprints `rows`: (n, 3)
+    def light(self, fans: Fans, rows: Int, run: Run) -> tuple[Float, Float]:
+        """Irradiance from sky and gathered emitters, and from light that surfaces reflect, of receivers `rows`: (n, 3)
         float32 each, W/m2."""
         first, bounced = [], []
         passes = slices(len(rows), max(1, PASS_RAYS // self.count))
         for number, part in enumerate(passes):
-            pieces = self._map(run, lambda some: self._trace(places, some), rows[part])
+            pieces = self._map(run, lambda some: self._trace(fans, some), rows[part])
             for bounce in range(MOST_BOUNCES):
-                self.transport.meet(np.concatenate([piece.last for piece in pieces]))
+                self.transport.meet([piece.fresh for piece in pieces])
                 self.transport.late(LATE_RAYS)
                 step = _Step(self, bounce)
                 run.map(step.follow, pieces)
@@ -97,32 +94,33 @@ class Gather:
     def _map(self, run: Run, work: Any, rows: Int) -> list[Any]:
         return run.map(lambda part: work(rows[part]), slices(len(rows), max(1, CHUNK_RAYS // self.count)))
 
-    def _trace(self, places: Footprints, rows: Int) -> _Rays:
-        transport = self.transport
-        move = shifts(places.identity[rows], 4, self.seed)
-        u, v, x, y = (shifted(self._points[:, axis], move[:, axis]).reshape(-1) for axis in range(4))
-        origins, normals = places.sample(np.repeat(rows, self.count), x, y)
-        directions = cosine_directions(normals, u[:, None], v[:, None])[:, 0]
-        hits, sides, sky = transport.trace(origins, directions)
-        lit = None if normals.any(axis=1).all() else normals.any(axis=1)
-        if lit is not None:
-            sky *= lit[:, None]
-        mean_sky = np.float32(np.pi) * sky.reshape(-1, self.count, 3).mean(axis=1)
-        nothing = np.empty((0, 3), np.float32)
-        return _Rays(rows, sides, mean_sky, lit, np.arange(len(sides)), hits, sides, nothing, nothing)
+    def _trace(self, fans: Fans, rows: Int) -> _Rays:
+        origins, directions, lit = fans.rays(rows, self.count, self.seed)
+        met = self.transport.trace(origins, directions)
+        fresh = self.transport.cells.unmet(met.sides)
+        nothing = np.empty((0, 4), np.float32)
+        return _Rays(rows, met.sides, fresh, self._mean_sky(met, len(rows), lit), lit, np.arange(len(met.sides)), met,
+                     nothing, nothing)
+
+    def _mean_sky(self, met: Met, count: int, lit: NDArray[np.bool_] | None) -> Float:
+        """(n, 3) the sky's irradiance of each receiver."""
+        row = met.missed // self.count
+        sky = met.sky if lit is None else met.sky * lit[met.missed, None]
+        columns = [np.bincount(row, sky[:, axis], count) for axis in range(3)]
+        return np.asarray(np.stack(columns, axis=1) / self.count, np.float32)
 
     def _collect(self, rays: _Rays) -> tuple[Float, Float]:
         """Irradiance from sky and gathered emitters, and from reflected light: (n, 3) each."""
         if rays.lit is not None:
             rays.value *= rays.lit[:, None]
-        total = rays.value.reshape(-1, self.count, 3).mean(axis=1)
+        total = mean_over_rays(rays.value, self.count)
         emission = self.transport.emission()
         if emission is None:
             return rays.sky, total
         seen = np.take(emission, self.transport.cells.rows(rays.sides), axis=0)
         if rays.lit is not None:
             seen *= rays.lit[:, None]
-        emitted = seen.reshape(-1, self.count, 3).mean(axis=1)
+        emitted = mean_over_rays(seen, self.count)
         return rays.sky + emitted, total - emitted
 
 
@@ -131,24 +129,23 @@ class _Step:
 
     def __init__(self, gather: Gather, bounce: int) -> None:
         self._gather, self._bounce = gather, bounce
-        transport = gather.transport
-        self._table = transport.leaving()
-        self._width = transport.width() * np.float32(NEAR_PATCHES)
+        self._table = gather.transport.table()
 
     def follow(self, rays: _Rays) -> None:
         """Bring what is met to the receivers, and trace on where it is near."""
         transport = self._gather.transport
-        cell = transport.cells.rows(rays.last)
-        near, factor = self._go_on(rays, np.flatnonzero(rays.hits.distance < self._width[cell]))
+        cell = transport.cells.rows(rays.met.sides)
         brought = np.take(self._table, cell, axis=0)
+        reach = brought[:, 3] * np.float32(NEAR_PATCHES)
+        near, factor = self._go_on(rays, np.flatnonzero(rays.met.hits.distance < reach))
         here = cell[near]
         reflectance = transport.cell_reflectance[here]
         # A ray that goes on brings the direct light from here, and leaves the rest to what it meets.
-        brought[near] += (transport.cell_direct[here] - brought[near]) * factor
+        brought[near, :3] += (transport.cell_direct[here] - brought[near, :3]) * factor
         if self._bounce == 0:
             rays.value, rays.carried = brought, reflectance * factor
         else:
-            rays.value[rays.going] += rays.carried * brought
+            rays.value[rays.going, :3] += rays.carried * brought[:, :3]
             rays.carried = rays.carried[near] * reflectance * factor
         rays.going = rays.going[near]
         self._trace_on(rays, near)
@@ -174,10 +171,13 @@ class _Step:
     def _trace_on(self, rays: _Rays, near: Int) -> None:
         transport = self._gather.transport
         geometry = transport.geometry
-        triangle, front = rays.hits.triangle[near], rays.hits.front[near]
-        start = geometry.lifted(geometry.point(triangle, rays.hits.u[near], rays.hits.v[near]), triangle, front)
+        hits = rays.met.hits
+        triangle, front = hits.triangle[near], hits.front[near]
+        start = geometry.lifted(geometry.point(triangle, hits.u[near], hits.v[near]), triangle, front)
         normal = geometry.normal[triangle]
         normal = np.where(front[:, None], normal, -normal)
         u, v = shifts(self._identity(rays, rays.going), 2, self._gather.seed + 5 + self._bounce).T
-        rays.hits, rays.last, sky = transport.trace(start, cosine_directions(normal, u[:, None], v[:, None])[:, 0])
-        rays.value[rays.going] += rays.carried * (np.float32(np.pi) * sky)
+        rays.met = transport.trace(start, cosine_directions(normal, u[:, None], v[:, None])[:, 0])
+        rays.fresh = transport.cells.unmet(rays.met.sides)
+        missed = rays.met.missed
+        rays.value[rays.going[missed], :3] += rays.carried[missed] * rays.met.sky

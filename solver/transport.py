@@ -5,6 +5,7 @@ Nothing here knows a lumel. Whoever has rays asks `light_from(hits)`: what met c
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import partial
 from typing import Any
@@ -20,7 +21,9 @@ from .geometry import Geometry
 from .linear import LinearResult, solve_linear
 from .parallel import Run, slices
 from .patches import Patches, Spots
-from .sampling import cosine_directions, kronecker, shifted, shifts, uniform
+from .rows import Rows
+from .sampling import cosine_directions, kronecker, shifted, shifts
+from .tables import mean_of_hits, padded
 from .visibility import Hits
 
 Float = NDArray[np.floating[Any]]
@@ -31,37 +34,19 @@ CHUNK_RAYS = 2**17
 CELL_SAMPLES = 4
 # Lamps that give less than this part of the unoccluded light at a cell are drawn with a probability.
 CELL_SMALL_SHARE = 0.1
-# A patch is only split where its eighths differ this many times as much (in variance) as noise would make them.
-NOISE_LEVEL = 5.0
 # Generations of patches that see patches that see ... before what is newly met is left to an average.
 MOST_WAVES = 8
 
 
 @dataclass(frozen=True, eq=False)
-class Rows:
-    """Form factors of a run of patches as ray hits, kept raw.
+class Met:
+    """What rays met: sides of cells (n,), NOTHING for the sky; the rays that met the sky (m,), and the irradiance that
+    each of those stands for (m, 3) W/m2 (none under a black sky)."""
 
-    patch : (p,) int32.
-    hits : (p, rays) int32 rows of `cells`, NOTHING for the sky: F_ij is the part of row i that hits cells of j.
-    part : (p, rays) uint8, the eighth of the patch's box that each ray starts in.
-    sky : (p, rays, 3) float32, irradiance from the sky that each ray stands for, W/m2; None for a black sky.
-    """
-
-    patch: NDArray[np.int32]
-    hits: NDArray[np.int32]
-    part: NDArray[np.uint8]
-    sky: Float | None
-
-    def take(self, index: NDArray[Any]) -> Rows:
-        """Some of the rows."""
-        sky = None if self.sky is None else self.sky[index]
-        return Rows(self.patch[index], self.hits[index], self.part[index], sky)
-
-    def mean_sky(self) -> Float:
-        """(p, 3) W/m2."""
-        if self.sky is None:
-            return np.zeros((len(self.patch), 3), np.float32)
-        return np.asarray(self.sky.mean(axis=1))
+    hits: Hits
+    sides: NDArray[np.int64]
+    missed: Int
+    sky: Float
 
 
 class Transport:
@@ -77,9 +62,8 @@ class Transport:
 
     # What `_unsettle` forgets.
     _settled: int
-    _leaving: Float
+    _table: Float
     _extent: Float | None
-    _width: Float
 
     def __init__(self, geometry: Geometry, direct: DirectLight, sampled_emitter: NDArray[np.bool_], cells: Cells,
                  patches: Patches, seed: int, run: Run) -> None:
@@ -91,15 +75,16 @@ class Transport:
         self.cell_emission = np.empty((0, 3), np.float32)
         self.cell_reflectance = np.empty((0, 3), np.float32)
         self.cell_patch = np.empty(0, np.int32)
-        self.cell_middle = np.empty((0, 3), np.float32)
+        self.spots = Spots.none()
+        self._cell_start = np.empty((0, 8), np.float32)
         self.irradiance = np.empty((0, 3), np.float32)
         self.rows: list[Rows] = []
         self._unsettle()
 
     # --- cells ---------------------------------------------------------------------------------------------------
-    def meet(self, sides: NDArray[np.int64]) -> None:
+    def meet(self, sides: Sequence[NDArray[np.int64]]) -> None:
         """Give every met side of a cell its direct light, reflectance and patch."""
-        new = self.cells.meet(sides)
+        new = self.cells.meet(np.concatenate(sides))
         if new.start == new.stop:
             return
         fresh = self.cells.side[new]
@@ -110,16 +95,24 @@ class Transport:
         self.cell_emission = np.concatenate([self.cell_emission, emission])
         self.cell_reflectance = np.concatenate([self.cell_reflectance, reflectance])
         self.cell_direct = np.concatenate([self.cell_direct, reflectance * incident + emission])
-        spots = self._spots(fresh)
-        self.cell_middle = np.concatenate([self.cell_middle, spots.points])
+        spots, start = self._places(fresh)
+        self.spots = Spots.join([self.spots, spots])
+        self._cell_start = np.concatenate([self._cell_start, start])
         self.cell_patch = np.concatenate([self.cell_patch, self.patches.of(spots)])
         more = len(self.patches) - len(self.irradiance)
         self.irradiance = np.concatenate([self.irradiance, np.full((more, 3), np.nan, np.float32)])
 
-    def _spots(self, sides: NDArray[np.int64]) -> Spots:
-        third = np.full(len(sides), 1 / 3, np.float32)
+    def _places(self, sides: NDArray[np.int64]) -> tuple[Spots, Float]:
+        """The middles of sides of cells, and (n, 8) where rays of theirs start: lifted points and shading normals,
+        each padded to four."""
+        half = np.full(len(sides), 0.5, np.float32)
+        triangle, u, v, front = self.cells.places(sides, half, half)
+        spots = Spots.at(self.geometry, triangle, u, v, front)
         self._run.count(len(sides))
-        return Spots.at(self.geometry, *self.cells.places(sides, third, third))
+        start = np.zeros((len(sides), 8), np.float32)
+        start[:, :3] = self.geometry.lifted(spots.points, triangle, front)
+        start[:, 4:7] = self.geometry.shading_normal(triangle, u, v) * np.where(front, 1, -1)[:, None]
+        return spots, start
 
     def _materials(self, sides: NDArray[np.int64]) -> tuple[Float, Float]:
         """Mean reflectance and mean emission that is gathered (not sampled as a lamp) of each side."""
@@ -149,59 +142,55 @@ class Transport:
         number = np.maximum(np.bincount(self.cell_patch, minlength=count), 1)
         square = np.zeros(count)
         for axis in range(3):
-            place = self.cell_middle[:, axis].astype(np.float64)
+            place = self.spots.points[:, axis].astype(np.float64)
             mean = np.bincount(self.cell_patch, place, count) / number
             deviation = (place - mean[self.cell_patch]) ** 2
             square = np.maximum(square, np.bincount(self.cell_patch, deviation, count) / number)
         return np.asarray(np.minimum(np.sqrt(12 * square), self.patches.size()), np.float32)
 
     # --- rays ----------------------------------------------------------------------------------------------------
-    def trace(self, origins: Float, directions: Float) -> tuple[Hits, NDArray[np.int64], Float]:
-        """Hits, sides of cells met (NOTHING for the sky), and the sky's radiance where nothing is met (n, 3)."""
+    def trace(self, origins: Float, directions: Float) -> Met:
+        """What rays meet."""
         hits = self.geometry.visibility.hits(origins, directions)
+        self._run.count(len(origins))
         sides = self.cells.sides(hits.triangle, hits.u, hits.v, hits.front)
-        sky = np.zeros((len(sides), 3), np.float32)
+        if self.geometry.scene.sky.is_black:
+            return Met(hits, sides, np.empty(0, np.int64), np.empty((0, 3), np.float32))
         missed = np.flatnonzero(sides == NOTHING)
-        if len(missed) and not self.geometry.scene.sky.is_black:
-            sky[missed] = skies.radiance(self.geometry.scene.sky, directions[missed])
-        self._run.count(len(sides))
-        return hits, sides, sky
+        return Met(hits, sides, missed, np.float32(np.pi) * skies.radiance(self.geometry.scene.sky, directions[missed]))
 
-    def leaving(self) -> Float:
-        """(cells + 1, 3) float32: radiosity of every met side of a cell, B = E + rho H; the last row is nothing."""
-        fresh = slice(self._settled, len(self.cell_patch))
-        if fresh.start < fresh.stop or len(self._leaving) != fresh.stop + 1:
-            irradiance = self.irradiance[self.cell_patch[fresh]]
-            added = self.cell_direct[fresh] + self.cell_reflectance[fresh] * np.nan_to_num(irradiance)
-            self._leaving = np.concatenate([self._leaving[: fresh.start], added, np.zeros((1, 3), np.float32)])
-            unsolved = np.flatnonzero(np.isnan(irradiance[:, 0]))
-            self._settled = fresh.start + int(unsolved[0]) if len(unsolved) else fresh.stop
-        return self._leaving
-
-    def width(self) -> Float:
-        """(cells + 1,) float32: how wide the patch of every met side of a cell is, metres; the last entry is nothing.
+    def table(self) -> Float:
+        """(cells + 1, 4) float32: radiosity of every met side of a cell, B = E + rho H, and the width of its patch in
+        metres; the last row is nothing.
 
         Patches that were met after the last solve count as wide as their boxes.
         """
-        if self._extent is None:
-            self._extent, self._width = self._extents(), np.empty(0, np.float32)
-        if len(self._width) != len(self.cell_patch) + 1:
-            known = len(self._extent)
-            self._extent = np.concatenate([self._extent, self.patches.size()[known:]])
-            old = self._width[:-1]
-            self._width = np.concatenate([old, self._extent[self.cell_patch[len(old):]], np.zeros(1, np.float32)])
-        return self._width
+        fresh = slice(self._settled, len(self.cell_patch))
+        if fresh.start < fresh.stop or len(self._table) != fresh.stop + 1:
+            if self._extent is None:
+                self._extent = self._extents()
+            self._extent = np.concatenate([self._extent, self.patches.size()[len(self._extent):]])
+            patch = self.cell_patch[fresh]
+            irradiance = self.irradiance[patch]
+            added = padded(self.cell_direct[fresh] + self.cell_reflectance[fresh] * np.nan_to_num(irradiance),
+                           self._extent[patch])
+            self._table = np.concatenate([self._table[: fresh.start], added])
+            unsolved = np.flatnonzero(np.isnan(irradiance[:, 0]))
+            self._settled = fresh.start + int(unsolved[0]) if len(unsolved) else fresh.stop
+        return self._table
+
+    def leaving(self) -> Float:
+        """(cells + 1, 3) float32: radiosity of every met side of a cell; the last row is nothing."""
+        return self.table()[:, :3]
 
     def _unsettle(self) -> None:
         """Forget what was derived from the patches and their light."""
-        self._settled, self._leaving = 0, np.zeros((1, 3), np.float32)
+        self._settled, self._table = 0, np.zeros((1, 4), np.float32)
         self._extent = None
 
     def emission(self) -> Float | None:
-        """(cells + 1, 3): the part of `leaving` that is emitted; None if all emitters are lamps."""
-        if not self.cell_emission.any():
-            return None
-        return np.concatenate([self.cell_emission, np.zeros((1, 3), np.float32)])
+        """(cells + 1, 4): the part of `table` that is emitted; None if all emitters are lamps."""
+        return padded(self.cell_emission) if self.cell_emission.any() else None
 
     # --- rows ----------------------------------------------------------------------------------------------------
     def trace_rows(self, patches: NDArray[np.int32], rays: int) -> list[Rows]:
@@ -212,7 +201,7 @@ class Transport:
             start = partial(self._row_rays, these, rays, *self._members(these))
             pieces = self._run.map(start, slices(len(these), max(1, CHUNK_RAYS // rays)))
             sides = np.concatenate([piece[0] for piece in pieces])
-            self.meet(sides.reshape(-1))
+            self.meet([sides.reshape(-1)])
             hits = self.cells.rows(sides.reshape(-1)).reshape(sides.shape)
             sky = None if self.geometry.scene.sky.is_black else np.concatenate([piece[1] for piece in pieces])
             traced.append(Rows(these, hits, np.concatenate([piece[2] for piece in pieces]), sky))
@@ -236,20 +225,20 @@ class Transport:
         low, high = running[first], running[last]
         # A patch is known by its first member's side: the same points whatever its number.
         identity = self.cells.side[order[first]]
-        move = shifts(identity, 4, self._seed + 57)
-        points = kronecker(rays, 4)
-        place, x, azimuth, height = (shifted(points[:, axis], move[:, axis]) for axis in range(4))
+        move = shifts(identity, 3, self._seed + 57)
+        points = kronecker(rays, 3)
+        place, azimuth, height = (shifted(points[:, axis], move[:, axis]) for axis in range(3))
         where = low[:, None] + place.astype(np.float64) * (high - low)[:, None]
         member = np.searchsorted(running, where.reshape(-1), side="right") - 1
         member = np.clip(member, np.repeat(first, rays), np.repeat(last - 1, rays))
-        side = self.cells.side[order[member]]
-        index = np.arange(len(side))
-        y = uniform(np.repeat(identity, rays) + index % rays * 7907, 5, self._seed)
-        points3, normals = CellFootprints(self.cells, side).sample(index, x.reshape(-1), y)
+        start = np.take(self._cell_start, order[member], axis=0)
+        points3, normals = start[:, :3], start[:, 4:7]
         directions = cosine_directions(normals, height.reshape(-1, 1), azimuth.reshape(-1, 1))[:, 0]
-        _, sides, sky = self.trace(points3, directions)
+        met = self.trace(points3, directions)
+        sky = np.zeros((0 if self.geometry.scene.sky.is_black else len(met.sides), 3), np.float32)
+        sky[met.missed] = met.sky
         eighth = self.patches.part(points3, np.repeat(patches[part], rays))
-        return sides.reshape(-1, rays), np.float32(np.pi) * sky.reshape(-1, rays, 3), eighth.reshape(-1, rays)
+        return met.sides.reshape(-1, rays), sky.reshape(-1, rays, 3), eighth.reshape(-1, rays)
 
     # --- solve ---------------------------------------------------------------------------------------------------
     def discover(self, rays: int) -> None:
@@ -273,53 +262,35 @@ class Transport:
         weight : (p,) what a deviation of 1 W/m2 of a patch matters.
         """
         chosen = np.zeros(len(self.patches), bool)
-        table = self.leaving().mean(axis=1)
+        table = np.ascontiguousarray(self.leaving().mean(axis=1))
         for rows in self.rows:
-            chosen[rows.patch] = self._deviation(rows, table) * weight[rows.patch] > tolerance
+            chosen[rows.patch] = rows.deviation(table) * weight[rows.patch] > tolerance
         chosen &= self.patches.level < self.patches.depth
         if chosen.any():
             self.patches.split(np.flatnonzero(chosen))
             moved = np.flatnonzero(chosen[self.cell_patch])
-            self.cell_patch[moved] = self.patches.of(self._spots(self.cells.side[moved]))
+            self.cell_patch[moved] = self.patches.of(self.spots.take(moved))
             more = len(self.patches) - len(self.irradiance)
             self.irradiance = np.concatenate([self.irradiance, np.full((more, 3), np.nan, np.float32)])
             self.rows = [rows.take(~chosen[rows.patch]) for rows in self.rows if not chosen[rows.patch].all()]
             self._unsettle()
         return int(chosen.sum())
 
-    def _deviation(self, rows: Rows, table: Float) -> Float:
-        """(p,) RMS deviation of the irradiance between the eighths of each patch, its noise taken out, W/m2."""
-        value = table[rows.hits]
-        if rows.sky is not None:
-            value = value + rows.sky.mean(axis=2)
-        count = len(rows.patch)
-        group = (np.arange(count)[:, None] * 8 + rows.part).reshape(-1)
-        number = np.bincount(group, minlength=count * 8).reshape(-1, 8)
-        total = np.bincount(group, value.reshape(-1), count * 8).reshape(-1, 8)
-        squares = np.bincount(group, np.square(value, dtype=np.float64).reshape(-1), count * 8).reshape(-1, 8)
-        mean = total / np.maximum(number, 1)
-        inside = (squares - number * mean**2).sum(axis=1) / np.maximum(number.sum(axis=1) - (number > 0).sum(axis=1), 1)
-        overall = (total.sum(axis=1) / number.sum(axis=1))[:, None]
-        groups = np.maximum((number > 0).sum(axis=1) - 1, 1)
-        between = (number * (mean - overall) ** 2).sum(axis=1) / groups
-        # One-way analysis of variance: without a difference, `between` is `inside` times F(groups, rays) about 1.
-        excess = np.maximum(between - NOISE_LEVEL * inside, 0)
-        return np.asarray(np.sqrt(excess * groups / number.sum(axis=1)))
-
     def solve(self, tolerance: float) -> LinearResult:
         """Solve H = q + F (rho H) to a relative residual; patches without a row count as black until `late`."""
         count = len(self.patches)
         source = np.zeros((count, 3), np.float32)
-        table = np.concatenate([self.cell_direct, np.zeros((1, 3), np.float32)])
+        table = padded(self.cell_direct)
         for rows in self.rows:
-            source[rows.patch] = rows.mean_sky() + self._mean(table, rows.hits)
+            source[rows.patch] = rows.mean_sky() + mean_of_hits(table, rows.hits, self._run)
+        reflectance = padded(self.cell_reflectance)
+        patch = np.append(self.cell_patch, 0)
 
         def apply(irradiance: Float) -> Float:
             out = np.zeros((count, 3), np.float32)
-            reflected = np.zeros((len(self.cell_patch) + 1, 3), np.float32)
-            reflected[:-1] = self.cell_reflectance * irradiance.astype(np.float32)[self.cell_patch]
+            reflected = reflectance * np.take(padded(irradiance), patch, axis=0)
             for rows in self.rows:
-                out[rows.patch] = self._mean(reflected, rows.hits)
+                out[rows.patch] = mean_of_hits(reflected, rows.hits, self._run)
             return out
 
         result = solve_linear(apply, source, tolerance, self._run.check)
@@ -330,13 +301,6 @@ class Transport:
         self._unsettle()
         return result
 
-    def _mean(self, table: Float, hits: NDArray[np.int32]) -> Float:
-        """(p, 3): mean over each row's rays of a table of cells."""
-        size = max(1, 2**19 // hits.shape[1])
-        parts = self._run.map(lambda part: np.take(table, hits[part], axis=0).mean(axis=1, dtype=np.float32),
-                              slices(len(hits), size))
-        return np.concatenate(parts)
-
     def late(self, rays: int) -> None:
         """Give patches that were met after the solve their light: one gather each from what is solved."""
         unknown = np.unique(self.cell_patch[self._settled:])
@@ -345,10 +309,10 @@ class Transport:
             return
         traced = self.trace_rows(unknown, rays)
         known = np.append(~np.isnan(self.irradiance[self.cell_patch, 0]), True)
-        direct = np.concatenate([self.cell_direct, np.zeros((1, 3), np.float32)])
-        reflected = np.zeros_like(direct)
-        reflected[:-1] = self.cell_reflectance * np.nan_to_num(self.irradiance[self.cell_patch])
+        direct = padded(self.cell_direct)
+        reflected = padded(self.cell_reflectance * np.nan_to_num(self.irradiance[self.cell_patch]))
         for rows in traced:
             part = known[rows.hits].mean(axis=1, dtype=np.float32)[:, None]
-            indirect = self._mean(reflected, rows.hits) / np.maximum(part, 1 / rows.hits.shape[1])
-            self.irradiance[rows.patch] = rows.mean_sky() + self._mean(direct, rows.hits) + indirect
+            indirect = mean_of_hits(reflected, rows.hits, self._run) / np.maximum(part, 1 / rows.hits.shape[1])
+            straight = mean_of_hits(direct, rows.hits, self._run)
+            self.irradiance[rows.patch] = rows.mean_sky() + straight + indirect

@@ -1,0 +1,64 @@
+"""Rows of form factors as ray hits, kept raw: F_ij is the part of row i's rays that meet cells of patch j."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+Float = NDArray[np.floating[Any]]
+
+# A patch is only split where its eighths differ this many times as much (in variance) as noise would make them.
+NOISE_LEVEL = 5.0
+
+
+@dataclass(frozen=True, eq=False)
+class Rows:
+    """Form factors of a run of patches.
+
+    patch : (p,) int32.
+    hits : (p, rays) int32 rows of `cells`, NOTHING for the sky.
+    part : (p, rays) uint8, the eighth of the patch's box that each ray starts in.
+    sky : (p, rays, 3) float32, irradiance from the sky that each ray stands for, W/m2; None for a black sky.
+    """
+
+    patch: NDArray[np.int32]
+    hits: NDArray[np.int32]
+    part: NDArray[np.uint8]
+    sky: Float | None
+
+    def take(self, index: NDArray[Any]) -> Rows:
+        """Some of the rows."""
+        sky = None if self.sky is None else self.sky[index]
+        return Rows(self.patch[index], self.hits[index], self.part[index], sky)
+
+    def mean_sky(self) -> Float:
+        """(p, 3) W/m2."""
+        if self.sky is None:
+            return np.zeros((len(self.patch), 3), np.float32)
+        return np.asarray(self.sky.mean(axis=1))
+
+    def deviation(self, table: Float) -> Float:
+        """(p,) RMS deviation of the irradiance between the eighths of each patch, its noise taken out, W/m2.
+
+        table : (cells + 1,) float32, the radiosity of cells, mean of the channels.
+        """
+        value = np.take(table, self.hits)
+        if self.sky is not None:
+            value = value + self.sky.mean(axis=2)
+        count = len(self.patch)
+        group = (np.arange(count)[:, None] * 8 + self.part).reshape(-1)
+        number = np.bincount(group, minlength=count * 8).reshape(-1, 8)
+        total = np.bincount(group, value.reshape(-1), count * 8).reshape(-1, 8)
+        square = np.square(value, dtype=np.float64).sum(axis=1)
+        mean = total / np.maximum(number, 1)
+        free = np.maximum(number.sum(axis=1) - (number > 0).sum(axis=1), 1)
+        inside = (square - (number * mean**2).sum(axis=1)) / free
+        overall = (total.sum(axis=1) / number.sum(axis=1))[:, None]
+        groups = np.maximum((number > 0).sum(axis=1) - 1, 1)
+        between = (number * (mean - overall) ** 2).sum(axis=1) / groups
+        # One-way analysis of variance: without a difference, `between` is `inside` times F(groups, rays) about 1.
+        excess = np.maximum(between - NOISE_LEVEL * inside, 0)
+        return np.asarray(np.sqrt(excess * groups / number.sum(axis=1)))
