@@ -4,6 +4,8 @@ Start with `bake.py`: it lists the steps of the whole way of the light.
 """
 
 from .bake import bake, irradiance, solve
+from .brdf import Blinn, Lambert, Phong
+from .brdf_integrals import diffuse_equivalent
 from .errors import (
     Cancelled,
     NothingToBake,
@@ -16,12 +18,14 @@ from .errors import (
 from .form_factor import Estimate, element_form_factor, form_factor
 from .groups import LightGroup
 from .lights import Light
+from .merl import read_merl
 from .result import Bake, Lightmap, Solution
 from .scene import Scene, Sky, Surface, Texture
 from .settings import Settings
 
 __all__ = [
-    "Bake", "Cancelled", "Estimate", "Light", "LightGroup", "Lightmap", "NothingToBake", "OutputError",
-    "RadiosityError", "Scene", "SceneError", "Settings", "SettingsError", "Sky", "Solution", "Surface", "Texture",
-    "UnwrapError", "bake", "element_form_factor", "form_factor", "irradiance", "solve",
+    "Bake", "Blinn", "Cancelled", "Estimate", "Lambert", "Light", "LightGroup", "Lightmap", "NothingToBake",
+    "OutputError", "Phong", "RadiosityError", "Scene", "SceneError", "Settings", "SettingsError", "Sky",
+    "Solution", "Surface", "Texture", "UnwrapError", "bake", "diffuse_equivalent", "element_form_factor",
+    "form_factor", "irradiance", "read_merl", "solve",
 ]
