@@ -15,6 +15,7 @@ from typing import Any, TypeVar
 
 import bpy
 import numpy as np
+from mathutils import Matrix
 from numpy.typing import NDArray
 
 from ..solver.errors import SceneError
@@ -26,6 +27,8 @@ Result = TypeVar("Result")
 WORLD_WIDTH, WORLD_HEIGHT = 1024, 512
 # Samples of a pixel of it, spread over the whole pixel, so that its value is the pixel's mean.
 WORLD_SAMPLES = 4
+# Pixels along a side of a close look at a part of it, and samples of each.
+WINDOW_SIDE, WINDOW_SAMPLES = 128, 16
 RENDER_RESULT = "Render Result"
 # The slot that our own renders go to where the user has a render to look at.
 SLOT = "Radiosity"
@@ -41,13 +44,41 @@ def render_world(world: Any) -> Float:
     SceneError
         If Cycles is not there or can't render the world.
     """
-    with tempfile.TemporaryDirectory(prefix="radiosity-world-") as folder, _world_scene(world) as scene:
+    with _world_scene(world) as scene:
+        return _rendered(scene, world.name)
+
+
+def render_world_window(world: Any, axis: Float, right: Float, up: Float, half: float) -> Float:
+    """Radiance through a square window, (128, 128, 3) float32, row 0 at the bottom.
+
+    Parameters
+    ----------
+    axis, right, up : (3,) unit, at right angles, right x up = -axis; columns grow to the right, rows up.
+    half : tangent of half of the window's angle.
+
+    Raises
+    ------
+    SceneError
+        If Cycles is not there or can't render the world.
+    """
+    with _world_scene(world) as scene:
+        camera = scene.camera
+        camera.data.type = "PERSP"
+        camera.data.angle = 2 * float(np.arctan(half))
+        camera.rotation_euler = Matrix(np.stack([right, up, -axis], axis=1).tolist()).to_euler()
+        scene.render.resolution_x = scene.render.resolution_y = WINDOW_SIDE
+        scene.cycles.samples = WINDOW_SAMPLES
+        return _rendered(scene, world.name)
+
+
+def _rendered(scene: Any, name: str) -> Float:
+    with tempfile.TemporaryDirectory(prefix="radiosity-world-") as folder:
         path = Path(folder) / "world.exr"
         scene.render.filepath = str(path)
         with _render_result_kept(), _quiet():
             bpy.ops.render.render(write_still=True, scene=scene.name)
         if not path.is_file():
-            raise SceneError(f"world {world.name!r} could not be rendered by Cycles: simplify its node tree")
+            raise SceneError(f"world {name!r} could not be rendered by Cycles: simplify its node tree")
         return _read(path)
 
 

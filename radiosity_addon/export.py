@@ -14,6 +14,7 @@ from typing import Any
 import numpy as np
 
 from ..solver.errors import NothingToBake
+from ..solver.lights import Light
 from ..solver.scene import Scene, Sky
 from ..solver.settings import Settings
 from . import cycles
@@ -56,12 +57,12 @@ def export_scene(scene: Any, view_layer: Any, settings: Settings, warnings: Warn
     SceneError, SettingsError, NothingToBake
         With the object, the value and the next step.
     """
-    sky = read_world(scene.world, warnings)
+    sky, suns = read_world(scene.world, warnings)
     return cycles.with_render_depsgraph(
-        scene, view_layer, lambda depsgraph: _collect(depsgraph, settings, sky, warnings))
+        scene, view_layer, lambda depsgraph: _collect(depsgraph, settings, sky, suns, warnings))
 
 
-def _collect(depsgraph: Any, settings: Settings, sky: Sky, warnings: Warnings) -> Exported:
+def _collect(depsgraph: Any, settings: Settings, sky: Sky, suns: tuple[Light, ...], warnings: Warnings) -> Exported:
     shown = shown_meshes(depsgraph, warnings)
     if not shown:
         raise NothingToBake("a render of the scene shows no mesh with faces: add one, or make it visible in renders")
@@ -69,7 +70,7 @@ def _collect(depsgraph: Any, settings: Settings, sky: Sky, warnings: Warnings) -
     assembly = Assembly(settings, warnings)
     for item, binding in zip(shown, bindings, strict=True):
         assembly.add(item, binding)
-    made = assembly.scene(export_lights(depsgraph, warnings), sky)
+    made = assembly.scene((*export_lights(depsgraph, warnings), *suns), sky)
     if not any(surface.receives for surface in made.surfaces):
         raise NothingToBake("no object that is to be baked has an opaque face with an area")
     if not made.lights and made.sky.is_black and not np.asarray(made.emission).any():

@@ -98,3 +98,11 @@ def build() -> Iterator[Builder]:
     builder.world((0.0, 0.0, 0.0))
     yield builder
     radiosity_addon.unregister()
+
+
+@pytest.fixture
+def stage() -> Any:
+    """A black world with two receivers and a plate above one of them, for light against Cycles (see `stage.py`)."""
+    from radiosity.tests.blender.stage import set_stage
+
+    return set_stage()

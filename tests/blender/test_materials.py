@@ -219,7 +219,7 @@ def test_nodes_that_are_not_evaluated_are_told_with_the_value_used(build):
 
 def test_a_plain_world_is_a_constant_sky(build):
     world = build.world((0.1, 0.2, 0.4))
-    assert np.allclose(read_world(world, []).radiance, (0.1, 0.2, 0.4))
+    assert np.allclose(read_world(world, [])[0].radiance, (0.1, 0.2, 0.4))
 
 
 def test_any_other_world_is_rendered_by_cycles_direction_by_direction(build):
@@ -233,7 +233,7 @@ def test_any_other_world_is_rendered_by_cycles_direction_by_direction(build):
     tree.links.new(place.outputs["Generated"], scaled.inputs[0])
     tree.links.new(scaled.outputs[0], background.inputs["Color"])
     before = len(bpy.data.scenes), len(bpy.data.images), len(bpy.data.worlds), len(bpy.data.cameras)
-    found = read_world(world, [])
+    found, _ = read_world(world, [])
     directions = np.random.default_rng(0).normal(size=(2000, 3))
     directions = (directions / np.linalg.norm(directions, axis=1, keepdims=True)).astype(np.float32)
     assert np.abs(sky.radiance(found, directions) - (directions + 1) / 2).max() < 2 * np.pi / 1024
