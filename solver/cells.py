@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .geometry import Geometry
+from .growing import Growing
 
 Float = NDArray[np.floating[Any]]
 Int = NDArray[np.integer[Any]]
@@ -31,10 +32,6 @@ class Cells:
     ----------
     geometry : the triangles.
     size : wanted edge of a cell, metres; grows where there would be more than MAX_SIDES.
-
-    Attributes
-    ----------
-    side : (rows,) int64, the met sides of cells, in the order of their rows.
     """
 
     def __init__(self, geometry: Geometry, size: float) -> None:
@@ -50,10 +47,15 @@ class Cells:
         self._base = np.concatenate([[0], np.cumsum(count)[:-1]]) * 2
         # 0: not met; else row + 1. The last entry stands for NOTHING.
         self._row_of = np.zeros(int(count.sum()) * 2 + 1, np.int32)
-        self.side = np.empty(0, np.int64)
+        self._side = Growing((), np.int64)
 
     def __len__(self) -> int:
-        return len(self.side)
+        return len(self._side)
+
+    @property
+    def side(self) -> NDArray[np.int64]:
+        """(rows,) int64, the met sides of cells, in the order of their rows."""
+        return self._side.values
 
     def sides(self, triangle: Int, u: Float, v: Float, front: NDArray[np.bool_]) -> NDArray[np.int64]:
         """The side of a cell that each hit lies on: (n,) int64; NOTHING where triangle is negative."""
@@ -72,10 +74,10 @@ class Cells:
     def meet(self, sides: NDArray[np.int64]) -> slice:
         """Give rows to the sides that have none yet, in the order of their numbers; return the new rows."""
         fresh = self.unmet(sides)
-        first = len(self.side)
+        first = len(self)
         self._row_of[fresh] = np.arange(first + 1, first + 1 + len(fresh), dtype=np.int32)
-        self.side = np.concatenate([self.side, fresh])
-        return slice(first, len(self.side))
+        self._side.append(fresh)
+        return slice(first, len(self))
 
     def unmet(self, sides: NDArray[np.int64]) -> NDArray[np.int64]:
         """The sides that have no row yet, each once, in the order of their numbers."""

@@ -67,7 +67,7 @@ def patch_table(transport: Transport) -> PatchTable:
     length = np.linalg.norm(normal, axis=1, keepdims=True)
     normal = np.divide(normal, length, out=np.zeros_like(normal), where=length > 1e-6)
     indirect = np.nan_to_num(transport.irradiance)[patch]
-    absorbed = (1 - transport.cell_reflectance) * (transport.cell_incident + indirect)
+    absorbed = (1 - transport.cell_reflectance) * (transport.met.incident + indirect)
     leaving = transport.cell_direct + transport.cell_reflectance * indirect
     watts = mean(np.stack([leaving.mean(axis=1), absorbed.mean(axis=1)], axis=1))
     row_sum, back, traced = np.zeros(count), np.zeros(count), np.zeros(count, bool)

@@ -46,9 +46,9 @@ def energy_balance(transport: Transport) -> EnergyBalance:
 
     solved = ~np.isnan(transport.irradiance[:, 0])
     indirect = np.nan_to_num(transport.irradiance)[patch]
-    emission = total(transport.cell_emission)
-    landed = total(transport.cell_incident)
-    absorbed = total((1 - transport.cell_reflectance) * (transport.cell_incident + indirect))
+    emission = total(transport.met.emission)
+    landed = total(transport.met.incident)
+    absorbed = total((1 - transport.cell_reflectance) * (transport.met.incident + indirect))
     leaving = total(transport.leaving()[:-1])
     sky = np.zeros(count)
     free = np.zeros(count)

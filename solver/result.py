@@ -93,10 +93,10 @@ class Solution:
         statistics = {"stages": stages.as_list(), "patches": len(transport.patches), "cells": len(cells),
                       "products": linear.products, "residuals": list(linear.residuals)}
         # Cells leave out what lamps emit, so that rays which meet a lamp don't count it twice.
-        of_cells = mean(transport.cell_emission)
+        of_cells = mean(transport.met.emission)
         of_lamps = np.where(of_cells.any(axis=1, keepdims=True), np.float32(0), triangle_exitance(geometry))
         radiosity = mean(transport.leaving()[:-1]) + of_lamps
-        return cls(radiosity, mean(transport.cell_incident + indirect), linear.outcome, statistics)
+        return cls(radiosity, mean(transport.met.incident + indirect), linear.outcome, statistics)
 
 
 class Stages:

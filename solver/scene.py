@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -62,7 +63,7 @@ class Sky:
             raise SceneError("the sky's radiance is negative or not finite: check the world's colour and strength")
         object.__setattr__(self, "radiance", _frozen(radiance))
 
-    @property
+    @cached_property
     def is_black(self) -> bool:
         """Whether no light comes from the sky."""
         return not self.radiance.any()

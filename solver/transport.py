@@ -16,11 +16,12 @@ from numpy.typing import NDArray
 from . import sky as skies
 from .cells import NOTHING, Cells
 from .direct import DirectLight
-from .footprints import CellFootprints
 from .geometry import Geometry
+from .growing import Growing
 from .linear import LinearResult, solve_linear
+from .met_cells import MetCells
 from .parallel import Run, slices
-from .patches import Patches, Spots
+from .patches import Patches
 from .rows import Rows
 from .sampling import cosine_directions, kronecker, shifted, shifts
 from .tables import mean_of_hits, padded
@@ -30,10 +31,6 @@ Float = NDArray[np.floating[Any]]
 Int = NDArray[np.integer[Any]]
 
 CHUNK_RAYS = 2**17
-# Samples of reflectance, emission and direct light in a cell.
-CELL_SAMPLES = 4
-# Lamps that give less than this part of the unoccluded light at a cell are drawn with a probability.
-CELL_SMALL_SHARE = 0.1
 # Generations of patches that see patches that see ... before what is newly met is left to an average.
 MOST_WAVES = 8
 
@@ -54,83 +51,54 @@ class Transport:
 
     Attributes
     ----------
-    cell_direct : (cells, 3) float32, radiosity that does not come from patches: rho E_direct + emission, W/m2.
-    cell_reflectance : (cells, 3) float32.
-    cell_patch : (cells,) int32.
+    met : what is known of the cells that rays have met.
     irradiance : (patches, 3) float32, indirect irradiance H of each patch with the sky's in it; nan where unsolved.
     """
 
     # What `_unsettle` forgets.
     _settled: int
-    _table: Float
+    _table: Growing
     _extent: Float | None
 
     def __init__(self, geometry: Geometry, direct: DirectLight, sampled_emitter: NDArray[np.bool_], cells: Cells,
                  patches: Patches, seed: int, run: Run) -> None:
-        self.geometry, self.direct, self.cells, self.patches = geometry, direct, cells, patches
-        self._sampled_emitter = sampled_emitter
+        self.geometry, self.cells, self.patches = geometry, cells, patches
+        self.met = MetCells(geometry, direct, sampled_emitter, cells, seed, run)
         self._seed, self._run = seed, run
-        self.cell_direct = np.empty((0, 3), np.float32)
-        self.cell_incident = np.empty((0, 3), np.float32)
-        self.cell_emission = np.empty((0, 3), np.float32)
-        self.cell_reflectance = np.empty((0, 3), np.float32)
-        self.cell_patch = np.empty(0, np.int32)
-        self.spots = Spots.none()
-        self._cell_start = np.empty((0, 8), np.float32)
+        self._cell_patch = Growing((), np.int32)
         self.irradiance = np.empty((0, 3), np.float32)
         self.rows: list[Rows] = []
+        # Patches below `_solved` were there at the last solve; `_unsolved` of them have cells and no row.
+        self._solved, self._unsolved = 0, np.empty(0, np.int64)
         self._unsettle()
 
     # --- cells ---------------------------------------------------------------------------------------------------
+    @property
+    def cell_direct(self) -> Float:
+        """(cells, 3) radiosity that does not come from patches: rho E_direct + emission, W/m2."""
+        return self.met.direct
+
+    @property
+    def cell_reflectance(self) -> Float:
+        """(cells, 3)."""
+        return self.met.reflectance
+
+    @property
+    def cell_patch(self) -> NDArray[np.int32]:
+        """(cells,) int32."""
+        return self._cell_patch.values
+
     def meet(self, sides: Sequence[NDArray[np.int64]]) -> None:
         """Give every met side of a cell its direct light, reflectance and patch."""
-        new = self.cells.meet(np.concatenate(sides))
-        if new.start == new.stop:
-            return
-        fresh = self.cells.side[new]
-        reflectance, emission = self._materials(fresh)
-        incident = self.direct.irradiance(CellFootprints(self.cells, fresh), self._run, pilot=CELL_SAMPLES,
-                                          small_share=CELL_SMALL_SHARE)
-        self.cell_incident = np.concatenate([self.cell_incident, incident])
-        self.cell_emission = np.concatenate([self.cell_emission, emission])
-        self.cell_reflectance = np.concatenate([self.cell_reflectance, reflectance])
-        self.cell_direct = np.concatenate([self.cell_direct, reflectance * incident + emission])
-        spots, start = self._places(fresh)
-        self.spots = Spots.join([self.spots, spots])
-        self._cell_start = np.concatenate([self._cell_start, start])
-        self.cell_patch = np.concatenate([self.cell_patch, self.patches.of(spots)])
+        new = self.met.meet(sides)
+        if new.start < new.stop:
+            self._cell_patch.append(self.patches.of(self.met.spots.take(new)))
+            self._make_room()
+
+    def _make_room(self) -> None:
+        """New patches have no light yet."""
         more = len(self.patches) - len(self.irradiance)
         self.irradiance = np.concatenate([self.irradiance, np.full((more, 3), np.nan, np.float32)])
-
-    def _places(self, sides: NDArray[np.int64]) -> tuple[Spots, Float]:
-        """The middles of sides of cells, and (n, 8) where rays of theirs start: lifted points and shading normals,
-        each padded to four."""
-        half = np.full(len(sides), 0.5, np.float32)
-        triangle, u, v, front = self.cells.places(sides, half, half)
-        spots = Spots.at(self.geometry, triangle, u, v, front)
-        self._run.count(len(sides))
-        start = np.zeros((len(sides), 8), np.float32)
-        start[:, :3] = self.geometry.lifted(spots.points, triangle, front)
-        start[:, 4:7] = self.geometry.shading_normal(triangle, u, v) * np.where(front, 1, -1)[:, None]
-        return spots, start
-
-    def _materials(self, sides: NDArray[np.int64]) -> tuple[Float, Float]:
-        """Mean reflectance and mean emission that is gathered (not sampled as a lamp) of each side."""
-        points = kronecker(CELL_SAMPLES, 2)
-
-        def work(part: slice) -> tuple[Float, Float]:
-            these = sides[part]
-            move = shifts(these, 2, self._seed + 31)
-            x = shifted(points[:, 0], move[:, 0]).reshape(-1)
-            y = shifted(points[:, 1], move[:, 1]).reshape(-1)
-            triangle, u, v, _ = self.cells.places(np.repeat(these, CELL_SAMPLES), x, y)
-            reflectance = self.geometry.reflectance(triangle, u, v).reshape(-1, CELL_SAMPLES, 3).mean(axis=1)
-            emission = self.geometry.emission(triangle, u, v).reshape(-1, CELL_SAMPLES, 3).mean(axis=1)
-            emission[self._sampled_emitter[triangle[::CELL_SAMPLES]]] = 0
-            return reflectance, emission
-
-        parts = self._run.map(work, slices(len(sides), CHUNK_RAYS // CELL_SAMPLES))
-        return np.concatenate([part[0] for part in parts]), np.concatenate([part[1] for part in parts])
 
     def _extents(self) -> Float:
         """(patches,) float32: how wide each patch is, from the spread of its cells, metres.
@@ -142,7 +110,7 @@ class Transport:
         number = np.maximum(np.bincount(self.cell_patch, minlength=count), 1)
         square = np.zeros(count)
         for axis in range(3):
-            place = self.spots.points[:, axis].astype(np.float64)
+            place = self.met.spots.points[:, axis].astype(np.float64)
             mean = np.bincount(self.cell_patch, place, count) / number
             deviation = (place - mean[self.cell_patch]) ** 2
             square = np.maximum(square, np.bincount(self.cell_patch, deviation, count) / number)
@@ -165,19 +133,19 @@ class Transport:
 
         Patches that were met after the last solve count as wide as their boxes.
         """
-        fresh = slice(self._settled, len(self.cell_patch))
-        if fresh.start < fresh.stop or len(self._table) != fresh.stop + 1:
+        fresh = slice(self._settled, len(self.cells))
+        if fresh.start < fresh.stop or not len(self._table):
             if self._extent is None:
                 self._extent = self._extents()
             self._extent = np.concatenate([self._extent, self.patches.size()[len(self._extent):]])
             patch = self.cell_patch[fresh]
             irradiance = self.irradiance[patch]
-            added = padded(self.cell_direct[fresh] + self.cell_reflectance[fresh] * np.nan_to_num(irradiance),
-                           self._extent[patch])
-            self._table = np.concatenate([self._table[: fresh.start], added])
+            self._table.cut(fresh.start)
+            leaving = self.cell_direct[fresh] + self.cell_reflectance[fresh] * np.nan_to_num(irradiance)
+            self._table.append(padded(leaving, self._extent[patch]))
             unsolved = np.flatnonzero(np.isnan(irradiance[:, 0]))
             self._settled = fresh.start + int(unsolved[0]) if len(unsolved) else fresh.stop
-        return self._table
+        return self._table.values
 
     def leaving(self) -> Float:
         """(cells + 1, 3) float32: radiosity of every met side of a cell; the last row is nothing."""
@@ -185,12 +153,12 @@ class Transport:
 
     def _unsettle(self) -> None:
         """Forget what was derived from the patches and their light."""
-        self._settled, self._table = 0, np.zeros((1, 4), np.float32)
+        self._settled, self._table = 0, Growing((4,))
         self._extent = None
 
     def emission(self) -> Float | None:
         """(cells + 1, 4): the part of `table` that is emitted; None if all emitters are lamps."""
-        return padded(self.cell_emission) if self.cell_emission.any() else None
+        return padded(self.met.emission) if self.met.emission.any() else None
 
     # --- rows ----------------------------------------------------------------------------------------------------
     def trace_rows(self, patches: NDArray[np.int32], rays: int) -> list[Rows]:
@@ -231,7 +199,7 @@ class Transport:
         where = low[:, None] + place.astype(np.float64) * (high - low)[:, None]
         member = np.searchsorted(running, where.reshape(-1), side="right") - 1
         member = np.clip(member, np.repeat(first, rays), np.repeat(last - 1, rays))
-        start = np.take(self._cell_start, order[member], axis=0)
+        start = np.take(self.met.start, order[member], axis=0)
         points3, normals = start[:, :3], start[:, 4:7]
         directions = cosine_directions(normals, height.reshape(-1, 1), azimuth.reshape(-1, 1))[:, 0]
         met = self.trace(points3, directions)
@@ -269,9 +237,8 @@ class Transport:
         if chosen.any():
             self.patches.split(np.flatnonzero(chosen))
             moved = np.flatnonzero(chosen[self.cell_patch])
-            self.cell_patch[moved] = self.patches.of(self.spots.take(moved))
-            more = len(self.patches) - len(self.irradiance)
-            self.irradiance = np.concatenate([self.irradiance, np.full((more, 3), np.nan, np.float32)])
+            self.cell_patch[moved] = self.patches.of(self.met.spots.take(moved))
+            self._make_room()
             self.rows = [rows.take(~chosen[rows.patch]) for rows in self.rows if not chosen[rows.patch].all()]
             self._unsettle()
         return int(chosen.sum())
@@ -298,21 +265,24 @@ class Transport:
         for rows in self.rows:
             solved[rows.patch] = True
         self.irradiance = np.where(solved[:, None], result.value, np.nan).astype(np.float32)
+        lived_in = np.zeros(count, bool)
+        lived_in[self.cell_patch] = True
+        self._solved, self._unsolved = count, np.flatnonzero(lived_in & ~solved)
         self._unsettle()
         return result
 
     def late(self, rays: int) -> None:
         """Give patches that were met after the solve their light: one gather each from what is solved."""
-        unknown = np.unique(self.cell_patch[self._settled:])
-        unknown = unknown[np.isnan(self.irradiance[unknown, 0])]
-        if not len(unknown):
-            return
-        traced = self.trace_rows(unknown, rays)
-        known = np.append(~np.isnan(self.irradiance[self.cell_patch, 0]), True)
-        direct = padded(self.cell_direct)
-        reflected = padded(self.cell_reflectance * np.nan_to_num(self.irradiance[self.cell_patch]))
-        for rows in traced:
-            part = known[rows.hits].mean(axis=1, dtype=np.float32)[:, None]
-            indirect = mean_of_hits(reflected, rows.hits, self._run) / np.maximum(part, 1 / rows.hits.shape[1])
-            straight = mean_of_hits(direct, rows.hits, self._run)
-            self.irradiance[rows.patch] = rows.mean_sky() + straight + indirect
+        fresh = np.flatnonzero(np.isnan(self.irradiance[self._solved:, 0])) + self._solved
+        unknown = np.concatenate([self._unsolved, fresh]).astype(np.int32)
+        self._unsolved = np.empty(0, np.int64)
+        for rows in self.trace_rows(unknown, rays):
+            seen = rows.hits.reshape(-1)
+            irradiance = self.irradiance[self.cell_patch[seen]]
+            met = (seen != NOTHING)[:, None]
+            known = ~(met & np.isnan(irradiance))
+            shape = (*rows.hits.shape, 3)
+            reflected = (met * self.cell_reflectance[seen] * np.nan_to_num(irradiance)).reshape(shape).mean(axis=1)
+            part = np.maximum(known.reshape(shape).mean(axis=1), 1 / shape[1])
+            straight = (met * self.cell_direct[seen]).reshape(shape).mean(axis=1)
+            self.irradiance[rows.patch] = rows.mean_sky() + straight + reflected / part

@@ -1,0 +1,119 @@
+"""What is known of the cells that rays have met: direct light, reflectance, emission, and where they lie."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .cells import Cells
+from .direct import DirectLight
+from .footprints import CellFootprints
+from .geometry import Geometry
+from .growing import Growing
+from .parallel import Run, slices
+from .patches import Spots
+from .sampling import kronecker, shifted, shifts
+
+Float = NDArray[np.floating[Any]]
+
+CHUNK_RAYS = 2**17
+# Samples of reflectance, emission and direct light in a cell.
+CELL_SAMPLES = 4
+# Lamps that give less than this part of the unoccluded light at a cell are drawn with a probability.
+CELL_SMALL_SHARE = 0.1
+
+
+class MetCells:
+    """Tables of the met sides of cells, a row each, in the order in which they were met."""
+
+    def __init__(self, geometry: Geometry, direct: DirectLight, sampled_emitter: NDArray[np.bool_], cells: Cells,
+                 seed: int, run: Run) -> None:
+        self.geometry, self.cells = geometry, cells
+        self._light, self._sampled_emitter = direct, sampled_emitter
+        self._seed, self._run = seed, run
+        self._incident, self._emission, self._reflectance, self._direct, self._points, self._normals = (
+            Growing((3,)) for _ in range(6))
+        self._start, self._gap, self._triangle = Growing((8,)), Growing(), Growing((), np.int32)
+
+    def __len__(self) -> int:
+        return len(self.cells)
+
+    @property
+    def incident(self) -> Float:
+        """(n, 3) direct irradiance of lamps, W/m2."""
+        return self._incident.values
+
+    @property
+    def emission(self) -> Float:
+        """(n, 3) radiant exitance that no lamp stands for, W/m2."""
+        return self._emission.values
+
+    @property
+    def reflectance(self) -> Float:
+        """(n, 3)."""
+        return self._reflectance.values
+
+    @property
+    def direct(self) -> Float:
+        """(n, 3) radiosity that does not come from patches: rho E_direct + emission, W/m2."""
+        return self._direct.values
+
+    @property
+    def start(self) -> Float:
+        """(n, 8) where rays of a cell start: its lifted middle and shading normal, each padded to four."""
+        return self._start.values
+
+    @property
+    def spots(self) -> Spots:
+        """The cells' middles."""
+        return Spots(self._points.values, self._normals.values, self._triangle.values, self._gap.values)
+
+    def meet(self, sides: Sequence[NDArray[np.int64]]) -> slice:
+        """Fill in the sides of cells that are new; return their rows."""
+        new = self.cells.meet(np.concatenate(sides))
+        if new.start < new.stop:
+            fresh = self.cells.side[new]
+            reflectance, emission = self._materials(fresh)
+            incident = self._light.irradiance(CellFootprints(self.cells, fresh), self._run, pilot=CELL_SAMPLES,
+                                              small_share=CELL_SMALL_SHARE)
+            self._incident.append(incident)
+            self._emission.append(emission)
+            self._reflectance.append(reflectance)
+            self._direct.append(reflectance * incident + emission)
+            self._place(fresh)
+        return new
+
+    def _place(self, sides: NDArray[np.int64]) -> None:
+        half = np.full(len(sides), 0.5, np.float32)
+        triangle, u, v, front = self.cells.places(sides, half, half)
+        spots = Spots.at(self.geometry, triangle, u, v, front)
+        self._run.count(len(sides))
+        self._points.append(spots.points)
+        self._normals.append(spots.normals)
+        self._triangle.append(triangle)
+        self._gap.append(spots.gap)
+        start = np.zeros((len(sides), 8), np.float32)
+        start[:, :3] = self.geometry.lifted(spots.points, triangle, front)
+        start[:, 4:7] = self.geometry.shading_normal(triangle, u, v) * np.where(front, 1, -1)[:, None]
+        self._start.append(start)
+
+    def _materials(self, sides: NDArray[np.int64]) -> tuple[Float, Float]:
+        """Mean reflectance and mean emission that is gathered (not sampled as a lamp) of each side."""
+        points = kronecker(CELL_SAMPLES, 2)
+
+        def work(part: slice) -> tuple[Float, Float]:
+            these = sides[part]
+            move = shifts(these, 2, self._seed + 31)
+            x = shifted(points[:, 0], move[:, 0]).reshape(-1)
+            y = shifted(points[:, 1], move[:, 1]).reshape(-1)
+            triangle, u, v, _ = self.cells.places(np.repeat(these, CELL_SAMPLES), x, y)
+            reflectance = self.geometry.reflectance(triangle, u, v).reshape(-1, CELL_SAMPLES, 3).mean(axis=1)
+            emission = self.geometry.emission(triangle, u, v).reshape(-1, CELL_SAMPLES, 3).mean(axis=1)
+            emission[self._sampled_emitter[triangle[::CELL_SAMPLES]]] = 0
+            return reflectance, emission
+
+        parts = self._run.map(work, slices(len(sides), CHUNK_RAYS // CELL_SAMPLES))
+        return np.concatenate([part[0] for part in parts]), np.concatenate([part[1] for part in parts])
