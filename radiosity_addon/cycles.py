@@ -292,23 +292,26 @@ def bake_diffuse(item: Any, passes: str) -> None:
                         use_clear=True)
 
 
-def render_still(scene: Any, path: Path, samples: int) -> None:
-    """Render the camera's view by Cycles to an EXR file of linear light. For a scene of our own."""
+def render_still(scene: Any, path: Path, samples: int) -> Float:
+    """Render the camera's view by Cycles: (h, w, 3) float32 of linear light, row 0 at the bottom; `path` is written.
+
+    For a scene of our own.
+    """
     scene.cycles.samples = samples
-    _render_to(scene, path)
+    return _render_to(scene, path)
 
 
-def render_eevee(scene: Any, path: Path, samples: int) -> None:
+def render_eevee(scene: Any, path: Path, samples: int) -> Float:
     """The same by Eevee, whose name was another before Blender 5."""
     try:
         scene.render.engine = "BLENDER_EEVEE_NEXT"
     except TypeError:
         scene.render.engine = "BLENDER_EEVEE"
     scene.eevee.taa_render_samples = samples
-    _render_to(scene, path)
+    return _render_to(scene, path)
 
 
-def _render_to(scene: Any, path: Path) -> None:
+def _render_to(scene: Any, path: Path) -> Float:
     render = scene.render
     render.use_compositing = render.use_sequencer = False
     render.film_transparent = False
@@ -318,3 +321,4 @@ def _render_to(scene: Any, path: Path) -> None:
     render.image_settings.color_mode = "RGB"
     render.image_settings.color_depth = "32"
     bpy.ops.render.render(write_still=True, scene=scene.name)
+    return _read(path)
