@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 import tempfile
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
@@ -21,7 +22,8 @@ MARK = "radiosity_lightmaps"
 FORBIDDEN = re.compile(r'[<>:"/\\|?*\x00-\x1f]')
 
 
-def write_file(folder: Path, name: str, pixels: Float, header: dict[str, str | float], taken: set[Path]) -> Path:
+def write_file(folder: Path, name: str, pixels: Float, header: dict[str, str | float], taken: set[Path],
+               layers: Mapping[str, Float] | None = None) -> Path:
     """Write `name`.exr into the folder; `name`_2.exr and so on where such a file is not ours, or was just written.
 
     Raises
@@ -34,7 +36,7 @@ def write_file(folder: Path, name: str, pixels: Float, header: dict[str, str | f
     while path in taken or (path.exists() and not is_our_file(path)):
         number += 1
         path = folder / f"{stem}_{number}.exr"
-    write_exr(path, pixels, {**header, MARK: 1.0})
+    write_exr(path, pixels, {**header, MARK: 1.0}, layers)
     taken.add(path)
     return path
 
@@ -53,11 +55,11 @@ def linked_image(name: str, path: Path, blend: str, *, pack: bool) -> Any:
     return image
 
 
-def packed_image(name: str, pixels: Float) -> Any:
-    """A Blender image that lives in the .blend alone."""
+def packed_image(name: str, pixels: Float, header: dict[str, str | float] | None = None) -> Any:
+    """A Blender image that lives in the .blend alone, as the EXR file that it would be outside."""
     with tempfile.TemporaryDirectory(prefix="radiosity-image-") as folder:
         path = Path(folder) / "lightmap.exr"
-        write_exr(path, pixels, {MARK: 1.0})
+        write_exr(path, pixels, {**(header or {}), MARK: 1.0})
         image = _loaded(name, path)
         # Packs the file's own bytes, 32 bit floats; an image filled through `pixels` would be packed by way of 16.
         image.pack()

@@ -35,12 +35,15 @@ def build_parser(*, blend: bool = True) -> argparse.ArgumentParser:
     parser = _Parser(prog=PROGRAM, description="Radiosity lightmaps for Blender scenes.", allow_abbrev=False)
     commands = parser.add_subparsers(dest="command", required=True, metavar="COMMAND", parser_class=_Parser)
     bake = commands.add_parser("bake", help="bake lightmaps or vertex colours", allow_abbrev=False)
+    relight = commands.add_parser("relight", help="new lamp strengths and colours into baked images, without a bake",
+                                  allow_abbrev=False)
     check = commands.add_parser("check", help="tell what will bake and what will not, and why", allow_abbrev=False)
-    for command in (bake, check):
+    for command in (bake, check, relight):
         if blend:
             command.add_argument("blend", type=Path, metavar="SCENE.blend", help="the scene")
         _add_words(command)
         _add_places(command)
+        _add_groups(command, keep=command is not relight)
     return parser
 
 
@@ -69,6 +72,15 @@ def _add_words(parser: argparse.ArgumentParser) -> None:
     add("--margin", type=int, metavar="PX", help="pixels of dilation")
     add("--seed", type=int, metavar="N", help="same seed, same result")
     add("--threads", type=int, metavar="N", help="worker threads, 0 for all cores")
+
+
+def _add_groups(parser: argparse.ArgumentParser, *, keep: bool) -> None:
+    groups = parser.add_argument_group("light groups")
+    if keep:
+        groups.add_argument("--groups", choices=("none", "lamp", "collection", "all"), default=argparse.SUPPRESS,
+                            help="lights to keep apart, so that `relight` can change them later")
+    groups.add_argument("--group-layers", action=argparse.BooleanOptionalAction, default=argparse.SUPPRESS,
+                        help="write the groups as layers of an EXR file beside each image")
 
 
 def _add_places(parser: argparse.ArgumentParser) -> None:
@@ -128,7 +140,9 @@ def request_of(arguments: argparse.Namespace, scene: Any, blend: str) -> Any:
         blend, scene.radiosity.output, advice="give a folder with --output, or save it first")
     save = given.get("save")
     return Request(settings, output, given.get("report"), save, given.get("pack", scene.radiosity.pack),
-                   given.get("apply_modifiers", scene.radiosity.apply_modifiers or save is not None))
+                   given.get("apply_modifiers", scene.radiosity.apply_modifiers or save is not None),
+                   given.get("groups", scene.radiosity.groups),
+                   given.get("group_layers", scene.radiosity.group_layers))
 
 
 def main(argv: Sequence[str]) -> int:
@@ -177,6 +191,10 @@ def _run(arguments: argparse.Namespace) -> int:
         from .check import check
 
         return check(request, scene, view_layer)
+    if arguments.command == "relight":
+        from .relight import relight_command
+
+        return relight_command(request, scene, view_layer, vars(arguments))
     from .job import run
     from .summary import print_outcome
 

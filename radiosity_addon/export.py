@@ -22,6 +22,7 @@ from .assembly import Assembly
 from .binding import Binding
 from .lights import export_lights
 from .receiving import choose_receivers
+from .units import per_blender_unit
 from .visible import shown_meshes
 from .warn import Warnings
 from .world import read_world
@@ -57,6 +58,7 @@ def export_scene(scene: Any, view_layer: Any, settings: Settings, warnings: Warn
     SceneError, SettingsError, NothingToBake
         With the object, the value and the next step.
     """
+    settings = per_blender_unit(settings, scene, warnings)
     sky, suns = read_world(scene.world, warnings)
     return cycles.with_render_depsgraph(
         scene, view_layer, lambda depsgraph: _collect(depsgraph, settings, sky, suns, warnings))

@@ -13,6 +13,7 @@ import json
 import subprocess
 import sys
 import tempfile
+from collections.abc import Mapping
 from functools import cache
 from pathlib import Path
 from typing import Any
@@ -36,8 +37,9 @@ job = json.loads(sys.stdin.read())
 sys.path[:0] = job["sys_path"]
 import numpy
 from solver import errors, image_file
+layers = {name: numpy.load(path, mmap_mode="r") for name, path in job["layers"].items()}
 try:
-    image_file.write_exr(job["path"], numpy.load(job["pixels"], mmap_mode="r"), job["header"])
+    image_file.write_exr(job["path"], numpy.load(job["pixels"], mmap_mode="r"), job["header"], layers=layers)
 except errors.RadiosityError as error:
     print(error, file=sys.stderr)
     sys.exit(3)
@@ -46,7 +48,8 @@ except errors.RadiosityError as error:
 EXPLAINED = 3
 
 
-def write_exr(path: Path, pixels: Float, header: dict[str, str | float]) -> None:
+def write_exr(path: Path, pixels: Float, header: dict[str, str | float],
+              layers: Mapping[str, Float] | None = None) -> None:
     """`solver.image_file.write_exr`, wherever it can run.
 
     Raises
@@ -55,12 +58,18 @@ def write_exr(path: Path, pixels: Float, header: dict[str, str | float]) -> None
         If the file can't be written.
     """
     if not needs_process():
-        image_file.write_exr(path, pixels, header)
+        image_file.write_exr(path, pixels, header, layers=layers)
         return
     with tempfile.TemporaryDirectory(prefix="radiosity-exr-") as folder:
-        stored = Path(folder) / "pixels.npy"
-        np.save(stored, np.asarray(pixels, np.float32))
-        _in_process({"path": str(path), "pixels": str(stored), "header": header}, path)
+        stored = _stored(Path(folder) / "pixels.npy", pixels)
+        files = {name: _stored(Path(folder) / f"layer_{number}.npy", layer)
+                 for number, (name, layer) in enumerate((layers or {}).items())}
+        _in_process({"path": str(path), "pixels": stored, "layers": files, "header": header}, path)
+
+
+def _stored(path: Path, pixels: Float) -> str:
+    np.save(path, np.asarray(pixels, np.float32))
+    return str(path)
 
 
 @cache

@@ -21,6 +21,7 @@ from ..solver.errors import Cancelled, RadiosityError
 from ..solver.result import Bake
 from . import blend_file, compat, report
 from .export import Exported, export_scene
+from .keeping import KeptGroups
 from .layouts import with_shared_layouts
 from .progress import Progress, Terminal
 from .request import Request, remove_empty
@@ -50,8 +51,7 @@ class Job:
 
     def __init__(self, request: Request, scene: Any, view_layer: Any) -> None:
         """Raises RadiosityError if another job is on its way."""
-        if Job.current is not None:
-            raise RadiosityError("a bake is already on its way: wait for it, or press Esc to cancel it")
+        Job.refuse_second()
         Job.current = self
         self.request = request
         self.warnings: Warnings = []
@@ -62,9 +62,16 @@ class Job:
         self._cancel = threading.Event()
         self._thread: threading.Thread | None = None
         self._exported: Exported | None = None
+        self._groups: KeptGroups | None = None
         self._bake: Bake | None = None
         self._failure: BaseException | None = None
         self._made: list[Path] = []
+
+    @classmethod
+    def refuse_second(cls) -> None:
+        """Raise RadiosityError if a job is on its way."""
+        if cls.current is not None:
+            raise RadiosityError("a bake is already on its way: wait for it, or press Esc to cancel it")
 
     def export(self) -> None:
         """Read the scene, and see that results can be written. Raises RadiosityError."""
@@ -72,6 +79,7 @@ class Job:
             self._made = self.request.check_writable()
             scene, layer = self._place()
             self._exported = export_scene(scene, layer, self.request.settings, self.warnings)
+            self._groups = KeptGroups.of(self._exported.scene, scene, layer, self.request)
         self.progress("export", 1.0)
 
     def start(self) -> None:
@@ -105,6 +113,8 @@ class Job:
             scene, layer = self._place()
             self._add_solver_warnings()
             outputs = write_back(self._exported, self._bake, self.request, scene, layer, self.warnings)
+            assert self._groups is not None
+            self._groups.keep(self._bake, self._exported, self.request, scene.name, outputs)
             if self.request.save is not None:
                 blend_file.save_copy(self.request.save)
         full = report.complete(
@@ -130,7 +140,8 @@ class Job:
             with self._timed("unwrap"):
                 scene, settings = with_shared_layouts(self._exported.scene, self._exported.bindings,
                                                       self._exported.settings, self.warnings, self._unwrapping)
-            self._bake = bake(scene, settings, progress=self.progress, cancelled=self._cancel.is_set)
+            self._bake = bake(scene, settings, progress=self.progress, cancelled=self._cancel.is_set,
+                              groups=self._groups.for_solver if self._groups is not None else ())
         except BaseException as error:  # noqa: BLE001 - it is raised again in Blender's thread, by finish()
             self._failure = error
 

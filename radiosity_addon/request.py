@@ -28,6 +28,8 @@ class Request:
     save : path of a .blend to write with the results; None leaves files as they are.
     pack : keep the images inside the .blend too, so that it needs no other file.
     apply_modifiers : where modifiers stop the UV map from being stored, apply them.
+    groups : which lights are kept apart for a relight: "none", by "lamp", by "collection", or "all" lamps in one.
+    group_layers : write the groups as layers of an EXR file beside each image.
     """
 
     settings: Settings = field(default_factory=Settings)
@@ -36,6 +38,8 @@ class Request:
     save: Path | None = None
     pack: bool = False
     apply_modifiers: bool = False
+    groups: str = "none"
+    group_layers: bool = False
 
     @property
     def report_path(self) -> Path | None:

@@ -65,6 +65,17 @@ class RADIOSITY_PG_settings(bpy.types.PropertyGroup):
         name="Seed", description="The same seed gives the same result", default=0, min=0)
     threads: IntProperty(  # type: ignore[valid-type]
         name="Threads", description="0 uses all cores", default=0, min=0, max=1024)
+    groups: EnumProperty(  # type: ignore[valid-type]
+        name="Keep Groups", default="none",
+        description="Keep the light of lamps apart, so that they can be changed without another bake; emissive "
+                    "materials and the world are groups of their own",
+        items=[("none", "None", "Keep nothing: the bake is quicker and leaves less on disk"),
+               ("lamp", "By Lamp", "A group for each lamp: power and color of every one can be changed"),
+               ("collection", "By Collection", "Lamps of a collection are changed together"),
+               ("all", "All Lamps", "All lamps are changed together")])
+    group_layers: BoolProperty(  # type: ignore[valid-type]
+        name="Group Layers", default=False,
+        description="Write the groups as layers of an EXR file beside each image; they add up to it")
     output: StringProperty(  # type: ignore[valid-type]
         name="Output", description="Folder of the images and the report", subtype="DIR_PATH", default="//lightmaps")
     pack: BoolProperty(  # type: ignore[valid-type]

@@ -24,9 +24,9 @@ def one_line(report: dict[str, Any]) -> str:
     return f"{report['lumels']} lumels of {len(report['outputs'])} objects in {clock(report['seconds'])}{within}"
 
 
-def print_outcome(report: dict[str, Any], request: Request, exit_code: int) -> None:
+def print_outcome(report: dict[str, Any], request: Request, exit_code: int, verb: str = "baked") -> None:
     """The bake in a few lines of standard output."""
-    print(f"baked {one_line(report)}", flush=True)
+    print(f"{verb} {one_line(report)}", flush=True)
     if exit_code:
         print(f"radiosity: warning: the wanted error of {report['error']['wanted']:.2%} was not reached: "
               "the results are written all the same, a lower --error makes the bake work longer", file=sys.stderr)

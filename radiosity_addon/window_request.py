@@ -55,4 +55,5 @@ def request_in(context: Any, options: Namespace) -> Request:
         output = folder_beside(bpy.data.filepath, kept.output, advice=ADVICE)
     save = given.get("save")
     return Request(settings, output, given.get("report"), save, pack,
-                   given.get("apply_modifiers", kept.apply_modifiers or save is not None))
+                   given.get("apply_modifiers", kept.apply_modifiers or save is not None),
+                   given.get("groups", kept.groups), given.get("group_layers", kept.group_layers))

@@ -9,7 +9,8 @@ import bpy
 import numpy as np
 from numpy.typing import NDArray
 
-from ..solver.result import Bake
+from ..solver.quantities import PREFIX, header
+from ..solver.result import Bake, Lightmap
 from ..solver.scene import Surface
 from . import baked_images, mesh_layers
 from .baked_images import MARK
@@ -21,7 +22,9 @@ from .request import Request
 from .warn import Warnings, warn
 
 Float = NDArray[np.floating[Any]]
-UNITS = {"radiance": "W/(m2 sr)", "irradiance": "W/m2", "illuminance": "lux", "radiosity": "W/m2"}
+
+# Characters of the objects' names in a header, so that its own mark stays where `is_our_file` looks for it.
+MOST_NAMES = 16384
 
 
 def write_back(exported: Exported, bake: Bake, request: Request, scene: Any, view_layer: Any,
@@ -65,20 +68,23 @@ def _write_files(bake: Bake, request: Request) -> list[Any]:
     """One EXR file a lightmap, in their order; none without an output folder."""
     if request.output is None:
         return []
-    settings = request.settings
-    header: dict[str, str | float] = {
-        "software": "Radiosity Lightmaps", "quantity": settings.quantity, "unit": UNITS[settings.quantity],
-        "passes": settings.passes}
     taken: set[Any] = set()
-    return [baked_images.write_file(request.output, lightmap.name, lightmap.pixels,
-                                    {**header, "objects": ", ".join(lightmap.surfaces)}, taken)
+    return [baked_images.write_file(request.output, lightmap.name, lightmap.pixels, _header(bake, lightmap, request),
+                                    taken)
             for lightmap in bake.lightmaps]
+
+
+def _header(bake: Bake, lightmap: Lightmap, request: Request) -> dict[str, str | float]:
+    """What a file says of its numbers, and which objects it holds."""
+    return {**header(request.settings, bake.report), "software": "Radiosity Lightmaps",
+            f"{PREFIX}objects": ", ".join(lightmap.surfaces)[:MOST_NAMES]}
 
 
 def _make_images(bake: Bake, request: Request, paths: Sequence[Any]) -> list[Any]:
     """One Blender image a lightmap, in their order."""
     if not paths:
-        return [baked_images.packed_image(lightmap.name, lightmap.pixels) for lightmap in bake.lightmaps]
+        return [baked_images.packed_image(lightmap.name, lightmap.pixels, _header(bake, lightmap, request))
+                for lightmap in bake.lightmaps]
     return [baked_images.linked_image(lightmap.name, path, bpy.data.filepath, pack=request.pack)
             for lightmap, path in zip(bake.lightmaps, paths, strict=True)]
 
