@@ -178,7 +178,12 @@ def run(request: Request, scene: Any, view_layer: Any) -> Outcome:
     RadiosityError
         With its exit code.
     """
-    job = Job(request, scene, view_layer)
+    outcome: Outcome = wait_for(Job(request, scene, view_layer))
+    return outcome
+
+
+def wait_for(job: Any) -> Any:
+    """Run a job, or one of its kind, to its end as `run` does; what it finishes with."""
     terminal = Terminal(job.progress)
     try:
         with _interrupts(job):

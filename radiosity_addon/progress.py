@@ -25,6 +25,7 @@ class Progress:
 
     stage: str = "export"
     fraction: float = 0.0
+    weights: dict[str, float] = field(default_factory=STAGE_WEIGHTS.copy)
     started: float = field(default_factory=time.monotonic)
     _done: dict[str, float] = field(default_factory=dict)
     _lock: threading.Lock = field(default_factory=threading.Lock)
@@ -35,17 +36,17 @@ class Progress:
                 self._done[self.stage] = 1.0
             self.stage = stage
             self._done[stage] = min(max(fraction, self._done.get(stage, 0.0)), 1.0)
-            done = sum(STAGE_WEIGHTS.get(name, 1.0) * part for name, part in self._done.items())
-            total = sum(STAGE_WEIGHTS.get(name, 1.0) for name in STAGE_WEIGHTS.keys() | self._done.keys())
+            done = sum(self.weights.get(name, 1.0) * part for name, part in self._done.items())
+            total = sum(self.weights.get(name, 1.0) for name in self.weights.keys() | self._done.keys())
             # A stage that others overtake counts as done, and the whole never goes backwards.
             self.fraction = max(self.fraction, min((done + self._skipped()) / total, 1.0))
 
     def _skipped(self) -> float:
         """Weight of the stages that lie before the present one and never came up."""
-        if self.stage not in STAGE_WEIGHTS:
+        if self.stage not in self.weights:
             return 0.0
-        before = list(STAGE_WEIGHTS)[:list(STAGE_WEIGHTS).index(self.stage)]
-        return sum(STAGE_WEIGHTS[name] for name in before if name not in self._done)
+        before = list(self.weights)[:list(self.weights).index(self.stage)]
+        return sum(self.weights[name] for name in before if name not in self._done)
 
     @property
     def elapsed(self) -> float:
