@@ -1,0 +1,225 @@
+"""Kept light groups on disk: beside the images, or in the user's own folder where there are none.
+
+One folder a Blender scene, `NAME.radiosity`:
+
+    groups.json    what the light depends on, the groups, what was baked
+    layers_N.npy   (groups, height, width, 3) half floats of image N; for vertex colours (groups, triangles, 3, 3)
+    layout.npz     UV maps and corners, with which images can be put on meshes anew
+"""
+
+from __future__ import annotations
+
+import contextlib
+import json
+import os
+import shutil
+from collections.abc import Sequence
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Any
+
+import bpy
+import numpy as np
+from numpy.typing import NDArray
+
+from ..solver.errors import OutputError
+from ..solver.mixing import Layer
+from ..solver.result import Bake, Lightmap
+from ..solver.scene import Surface
+from ..solver.settings import Settings
+from .baked_images import FORBIDDEN
+from .binding import Binding
+from .digest import digest
+from .light_groups import Group, Member
+from .request import Request
+from .survey import Survey
+
+Float = NDArray[np.floating[Any]]
+
+SUFFIX = ".radiosity"
+ABOUT, LAYOUT, LAYERS = "groups.json", "layout.npz", "layers_{}.npy"
+# Changes with what the files hold: older ones are as good as none.
+FORMAT = "radiosity light groups 1"
+
+
+@dataclass(frozen=True, eq=False)
+class Kept:
+    """A bake whose groups were kept.
+
+    seen : the scene when it was baked.
+    groups : in the order of the layers.
+    settings : of the bake.
+    surfaces, bindings : of the exported scene, in the same order.
+    bake : the bake without pixels: its pages' arrays are empty.
+    stacks : for every page the groups' layers; one entry for all corners of target "vertex".
+    """
+
+    folder: Path
+    seen: Survey
+    groups: tuple[Group, ...]
+    settings: Settings
+    surfaces: tuple[Surface, ...]
+    bindings: tuple[Binding, ...]
+    bake: Bake
+    stacks: tuple[tuple[Layer, ...], ...]
+
+
+def folder_of(request: Request, scene_name: str) -> Path:
+    """Where the groups of a scene are kept."""
+    name = FORBIDDEN.sub("_", scene_name).strip(" .") + SUFFIX
+    if request.output is not None:
+        return request.output / name
+    return user_folder() / (digest(bpy.data.filepath) if bpy.data.filepath else f"unsaved-{os.getpid()}") / name
+
+
+def user_folder() -> Path:
+    """The extension's own folder; of an add-on that is no extension, one under Blender's user data."""
+    package = __package__.rpartition(".")[0]
+    if package.startswith("bl_ext."):
+        return Path(bpy.utils.extension_path_user(package, path="groups", create=True))
+    return Path(bpy.utils.user_resource("DATAFILES", path="radiosity_lightmaps", create=True))
+
+
+def keep(folder: Path, bake: Bake, groups: Sequence[Group], seen: Survey, settings: Settings,
+         surfaces: Sequence[Surface], bindings: Sequence[Binding]) -> int:
+    """Put a bake's groups into the folder, in place of what was kept there; the size in bytes.
+
+    Raises
+    ------
+    OutputError
+        If they can't be written, or if the folder holds something else.
+    """
+    beside = folder.with_name(f".{folder.name}.{os.getpid()}.part")
+    try:
+        beside.mkdir(parents=True)
+        scales = _write_layers(beside, bake, groups)
+        _write_layout(beside, bake, surfaces)
+        about = {
+            "format": FORMAT, "seen": seen.as_dict(), "groups": [asdict(group) for group in groups],
+            "settings": {**settings.as_dict(), "atlas": settings.atlas}, "bindings": [asdict(one) for one in bindings],
+            "surfaces": [{"name": one.name, "count": one.count, "receives": one.receives} for one in surfaces],
+            "pages": [{"name": page.name, "surfaces": page.surfaces} for page in bake.lightmaps], "scales": scales,
+            "report": {word: bake.report[word] for word in ("version", "error", "lumels", "triangles", "patches")},
+        }
+        (beside / ABOUT).write_text(json.dumps(about), encoding="utf-8")
+        clear(folder)
+        os.replace(beside, folder)
+    except OSError as cause:
+        reason = (cause.strerror or type(cause).__name__).lower()
+        raise OutputError(f"light groups can't be kept in {folder} ({reason}): check its rights and free space, or "
+                          "bake without groups") from cause
+    finally:
+        shutil.rmtree(beside, ignore_errors=True)
+    return size(folder)
+
+
+def read(folder: Path) -> Kept:
+    """What is kept; its layers are read from disk when they are mixed.
+
+    Raises
+    ------
+    OutputError
+        If nothing is kept there, or not by this version, or its files are damaged.
+    """
+    try:
+        about = json.loads((folder / ABOUT).read_text(encoding="utf-8"))
+    except FileNotFoundError:
+        raise OutputError(f"no light groups are kept in {folder}: bake with --groups lamp first") from None
+    except (OSError, ValueError) as cause:
+        raise _damaged(folder, cause) from cause
+    if about.get("format") != FORMAT:
+        raise OutputError(f"the light groups in {folder} were kept by another version: bake again")
+    try:
+        return _kept(folder, about)
+    except (OSError, ValueError, KeyError, TypeError, IndexError) as cause:
+        raise _damaged(folder, cause) from cause
+
+
+def is_kept(folder: Path) -> bool:
+    """Whether groups are kept there."""
+    return (folder / ABOUT).is_file()
+
+
+def size(folder: Path) -> int:
+    """Bytes on disk."""
+    return sum(path.stat().st_size for path in _files(folder))
+
+
+def clear(folder: Path) -> int:
+    """Remove kept groups; how many bytes that were. Files that are not ours stay, and their folder with them."""
+    freed = size(folder)
+    for path in _files(folder):
+        path.unlink()
+    with contextlib.suppress(OSError):
+        folder.rmdir()
+    return freed
+
+
+def _files(folder: Path) -> list[Path]:
+    if not is_kept(folder):
+        return []
+    # What says that they are ours goes last.
+    return [*folder.glob(LAYERS.format("*")), *folder.glob(LAYOUT), folder / ABOUT]
+
+
+def _damaged(folder: Path, cause: Exception) -> OutputError:
+    return OutputError(f"the light groups in {folder} can't be read ({str(cause) or type(cause).__name__}): bake again")
+
+
+def _write_layers(folder: Path, bake: Bake, groups: Sequence[Group]) -> list[list[float]]:
+    """One file a page; the layers' scales, by page and group."""
+    columns = [bake.groups.layers[group.name] for group in groups]
+    if bake.corner_colours is not None:
+        columns = [(np.concatenate([part for part in column if part is not None]),) for column in columns]
+    scales = []
+    for number, parts in enumerate(zip(*columns, strict=True)):
+        layers = [Layer.of(part) for part in parts]
+        np.save(folder / LAYERS.format(number), np.stack([layer.bits for layer in layers]))
+        scales.append([layer.scale for layer in layers])
+    return scales
+
+
+def _write_layout(folder: Path, bake: Bake, surfaces: Sequence[Surface]) -> None:
+    arrays: dict[str, Any] = {"page_of_surface": bake.page_of_surface}
+    for number, (surface, uv) in enumerate(zip(surfaces, bake.uv, strict=True)):
+        if surface.corner_ids is not None:
+            arrays[f"corners_{number}"] = surface.corner_ids
+        if uv is not None:
+            arrays[f"uv_{number}"] = uv
+    if bake.corner_colours is not None:
+        arrays["coloured"] = np.array([colours is not None for colours in bake.corner_colours])
+    np.savez(folder / LAYOUT, **arrays)
+
+
+def _kept(folder: Path, about: dict[str, Any]) -> Kept:
+    with np.load(folder / LAYOUT) as layout:
+        arrays = dict(layout.items())
+    first, surfaces = 0, []
+    for number, entry in enumerate(about["surfaces"]):
+        surfaces.append(Surface(entry["name"], first, entry["count"], receives=entry["receives"],
+                                corner_ids=arrays.get(f"corners_{number}")))
+        first += entry["count"]
+    nothing = np.empty((0, 0, 3), np.float32)
+    coloured = arrays.get("coloured")
+    bake = Bake(tuple(Lightmap(page["name"], nothing, tuple(page["surfaces"])) for page in about["pages"]),
+                tuple(arrays.get(f"uv_{number}") for number in range(len(surfaces))), arrays["page_of_surface"],
+                None if coloured is None else tuple(nothing if is_there else None for is_there in coloured),
+                about["report"])
+    stacks = tuple(_stack(folder / LAYERS.format(number), scales) for number, scales in enumerate(about["scales"]))
+    groups = tuple(Group(entry["name"], tuple(_member(one) for one in entry["members"]), tuple(entry["tint"]))
+                   for entry in about["groups"])
+    settings = Settings(**{**about["settings"], "only": tuple(about["settings"]["only"])})
+    bindings = tuple(Binding(**entry) for entry in about["bindings"])
+    return Kept(folder, Survey.of_dict(about["seen"]), groups, settings, tuple(surfaces), bindings, bake, stacks)
+
+
+def _stack(path: Path, scales: Sequence[float]) -> tuple[Layer, ...]:
+    bits = np.load(path, mmap_mode="r")
+    if len(bits) != len(scales) or bits.dtype != np.uint16:
+        raise ValueError(f"{path.name} does not fit the groups")
+    return tuple(Layer(layer, scale) for layer, scale in zip(bits, scales, strict=True))
+
+
+def _member(entry: dict[str, Any]) -> Member:
+    red, green, blue = entry["reference"]
+    return Member(entry["kind"], entry["name"], entry["part"], (red, green, blue))

@@ -1,0 +1,78 @@
+"""What has changed in a scene since its light was kept, so that it must be baked again, said in the user's words."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from ..solver.errors import RadiosityError
+from .light_groups import Group
+from .sockets import Triple
+from .survey import Source, Survey
+
+# More changes than this are counted.
+TOLD = 3
+# Strengths that differ by less, as a part of the strength, are the same: what is off by rounding gives no new light.
+SAME = 1e-6
+
+
+def changes(old: Survey, new: Survey, groups: Sequence[Group]) -> list[str]:
+    """One line for every change that kept light can't follow, the gravest first."""
+    return [*_objects(old, new), *_materials(old, new), *_lights(old, new, groups)]
+
+
+def refuse(found: Sequence[str]) -> None:
+    """Tell of changes, if there are any.
+
+    Raises
+    ------
+    RadiosityError
+        With the first few.
+    """
+    if found:
+        more = f", and {len(found) - TOLD} more changes" if len(found) > TOLD else ""
+        raise RadiosityError(f"{'; '.join(found[:TOLD])}{more}: the kept light does not hold any more, bake again")
+
+
+def _objects(old: Survey, new: Survey) -> list[str]:
+    found = [f"object {name!r} was removed or hidden" for name in old.places if name not in new.places]
+    found += [f"object {name!r} is new" for name in new.places if name not in old.places]
+    for name in old.places:
+        if name not in new.places:
+            continue
+        if old.places[name] != new.places[name]:
+            found.append(f"object {name!r} was moved")
+        if old.meshes[name] != new.meshes[name]:
+            found.append(f"the mesh of object {name!r} changed")
+        if old.materials[name] != new.materials[name]:
+            found.append(f"object {name!r} has other materials")
+    return found
+
+
+def _materials(old: Survey, new: Survey) -> list[str]:
+    return [f"material {name!r} reflects otherwise" for name, source in old.surfaces.items()
+            if name in new.surfaces and new.surfaces[name].shape != source.shape]
+
+
+def _lights(old: Survey, new: Survey, groups: Sequence[Group]) -> list[str]:
+    found = [f"lamp {name!r} was moved, or its shape changed" for name, source in new.lamps.items()
+             if name in old.lamps and old.lamps[name].shape != source.shape]
+    if old.world.shape != new.world.shape and (_shines(new.world) or _shines(old.world)):
+        found.append("the world changed in more than its color and strength")
+    kept = {(member.kind, member.name, member.part) for group in groups for member in group.members}
+    for kind, sources in (("lamp", new.lamps), ("material", new.surfaces), ("world", {"World": new.world})):
+        for name, source in sources.items():
+            before = old.source(kind, name)
+            for part, strength in source.strengths.items():
+                was = before.strengths.get(part) if before is not None else None
+                if any(strength) and (kind, name, part) not in kept and not _same(strength, was):
+                    found.append(f"{kind} {name!r} gave no light at the bake")
+    return found
+
+
+def _shines(source: Source) -> bool:
+    return any(any(strength) for strength in source.strengths.values())
+
+
+def _same(first: Triple, second: Triple | None) -> bool:
+    return second is not None and all(abs(a - b) <= SAME * max(abs(a), abs(b))
+                                      for a, b in zip(first, second, strict=True))

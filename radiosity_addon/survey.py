@@ -1,0 +1,168 @@
+"""What kept light depends on: sums of all shapes and reflectances, and how strong each light is.
+
+Quick beside an export (arrays are summed as Blender holds them), so that a relight can look whether it still holds.
+"""
+
+from __future__ import annotations
+
+from collections import defaultdict
+from dataclasses import asdict, dataclass, field, fields, is_dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..solver.lights import Light
+from . import cycles
+from .digest import digest
+from .knobs import knobs_of, rest_of
+from .lights import export_lights
+from .mesh_layers import COLOURS_MARK, UV_MARK
+from .sockets import Triple
+from .visible import Shown, shown_meshes
+from .warn import Warnings
+
+# Fields of lamps that say how strong they are.
+STRENGTHS = frozenset({"flux", "irradiance_facing"})
+# What of a mesh's attributes matters beside UV maps and colours: shape, smoothness, which material.
+ATTRIBUTES = frozenset({"position", ".corner_vert", "sharp_face", "sharp_edge", "custom_normal", "material_index"})
+# Component, type and count of the attributes that are read, by Blender's name of the type.
+TYPES: dict[str, tuple[str, type[np.generic], int]] = {
+    "FLOAT": ("value", np.float32, 1), "INT": ("value", np.int32, 1), "BOOLEAN": ("value", np.bool_, 1),
+    "FLOAT2": ("vector", np.float32, 2), "FLOAT_VECTOR": ("vector", np.float32, 3),
+    "FLOAT_COLOR": ("color", np.float32, 4), "BYTE_COLOR": ("color", np.float32, 4), "INT16_2D": ("value", np.int16, 2),
+}
+LAYERS = frozenset({"FLOAT2", "FLOAT_COLOR", "BYTE_COLOR"})
+
+
+@dataclass(frozen=True)
+class Source:
+    """A light: a sum of all of it but its strength, and the strengths of its parts, red, green and blue, by name."""
+
+    shape: str
+    strengths: dict[str, Triple]
+
+
+@dataclass(frozen=True)
+class Survey:
+    """The scene at one moment.
+
+    places, meshes : sums by object.
+    materials : names by object.
+    lamps, surfaces, world : lights, `surfaces` by material.
+    lamp_count : lamps that shine, instances counted one by one.
+    """
+
+    places: dict[str, str] = field(default_factory=dict)
+    meshes: dict[str, str] = field(default_factory=dict)
+    materials: dict[str, list[str]] = field(default_factory=dict)
+    lamps: dict[str, Source] = field(default_factory=dict)
+    surfaces: dict[str, Source] = field(default_factory=dict)
+    world: Source = field(default_factory=lambda: Source("nothing", {}))
+    lamp_count: int = 0
+
+    def source(self, kind: str, name: str) -> Source | None:
+        """A light of the kind "lamp", "material" or "world"; None if it is not there or off."""
+        return self.world if kind == "world" else (self.lamps if kind == "lamp" else self.surfaces).get(name)
+
+    def as_dict(self) -> dict[str, Any]:
+        """As JSON holds it."""
+        return asdict(self)
+
+    @classmethod
+    def of_dict(cls, kept: dict[str, Any]) -> Survey:
+        """From what `as_dict` gave."""
+        def source(entry: dict[str, Any]) -> Source:
+            return Source(entry["shape"], {name: tuple(rgb) for name, rgb in entry["strengths"].items()})
+
+        lights = {word: {name: source(entry) for name, entry in kept[word].items()} for word in ("lamps", "surfaces")}
+        return cls(kept["places"], kept["meshes"], kept["materials"], **lights, world=source(kept["world"]),
+                   lamp_count=kept["lamp_count"])
+
+
+def survey(scene: Any, view_layer: Any) -> Survey:
+    """Look at a scene as a render shows it.
+
+    Raises
+    ------
+    SceneError
+        As an export does.
+    """
+    world = scene.world
+    return cycles.with_render_depsgraph(
+        scene, view_layer, lambda depsgraph: _look(depsgraph, Source(rest_of(world), knobs_of(world))))
+
+
+def _look(depsgraph: Any, world: Source) -> Survey:
+    unheard: Warnings = []
+    lamps = export_lights(depsgraph, unheard)
+    found = Survey(lamps=_lamps(lamps), world=world, lamp_count=len(lamps))
+    known: dict[int, str] = {}
+    for item in shown_meshes(depsgraph, unheard):
+        found.places[item.name] = digest(np.round(item.matrix, 9))
+        pointer = item.mesh.as_pointer()
+        if pointer not in known:
+            known[pointer] = digest(*_mesh(item.mesh))
+        found.meshes[item.name] = known[pointer]
+        found.materials[item.name] = [material.name_full if material is not None else "" for material in item.materials]
+        _add_materials(item, found)
+    return found
+
+
+def _lamps(lights: tuple[Light, ...]) -> dict[str, Source]:
+    """Lamps by their object's name; instances of one object count as one."""
+    shapes: dict[str, list[Any]] = defaultdict(list)
+    strength: dict[str, Triple] = {}
+    for light in lights:
+        shapes[light.name].append(_shape(light))
+        red, green, blue = (float(value) for value in light.colour)
+        strength[light.name] = (red, green, blue)
+    return {name: Source(digest(shape), {name: strength[name]}) for name, shape in shapes.items()}
+
+
+def _shape(light: Light) -> list[Any]:
+    """All fields of a lamp that say nothing of its strength; places to a nanometre, as float64 rounds on its way."""
+    if not is_dataclass(light):
+        return [repr(light)]
+    kept = [(item.name, getattr(light, item.name)) for item in fields(light) if item.name not in STRENGTHS]
+    return [type(light).__name__, *((name, np.round(value, 9) if isinstance(value, np.ndarray) else value)
+                                    for name, value in kept)]
+
+
+def _add_materials(item: Shown, found: Survey) -> None:
+    for material in item.materials:
+        if material is not None and material.name_full not in found.surfaces:
+            found.surfaces[material.name_full] = Source(rest_of(material), knobs_of(material))
+
+
+def _mesh(mesh: Any) -> list[Any]:
+    """Names and values of what counts."""
+    ours = {mesh.get(UV_MARK, ""), *dict(mesh.get(COLOURS_MARK) or {}).values()}
+    found: list[Any] = [len(mesh.vertices), len(mesh.loops), len(mesh.polygons), _starts(mesh)]
+    for name in sorted(mesh.attributes.keys()):
+        attribute = mesh.attributes[name]
+        layer = attribute.data_type in LAYERS and name not in ours and not name.startswith(".")
+        if not (name in ATTRIBUTES or layer) or attribute.data_type not in TYPES:
+            continue
+        values = _values(attribute)
+        # A layer of zeros says as little as none: such is the map that a mesh without any gets beside ours.
+        if not layer or values.any():
+            found += [name, attribute.domain, values]
+    if mesh.has_custom_normals:
+        normals = np.empty(len(mesh.loops) * 3, np.float32)
+        mesh.corner_normals.foreach_get("vector", normals)
+        found.append(normals)
+    return found
+
+
+def _starts(mesh: Any) -> NDArray[np.int32]:
+    starts = np.empty(len(mesh.polygons), np.int32)
+    mesh.polygons.foreach_get("loop_start", starts)
+    return starts
+
+
+def _values(attribute: Any) -> NDArray[Any]:
+    component, kind, count = TYPES[attribute.data_type]
+    values = np.empty(len(attribute.data) * count, kind)
+    attribute.data.foreach_get(component, values)
+    return values
