@@ -10,11 +10,11 @@ from numpy.typing import NDArray
 
 from ..solver.groups import shown
 from ..solver.mixing import Layer
+from ..solver.quantities import UNITS
 from ..solver.result import Bake
 from . import baked_images
 from .report import relative_to_report
 from .request import Request
-from .write_back import UNITS
 
 Float = NDArray[np.floating[Any]]
 
