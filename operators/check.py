@@ -9,6 +9,7 @@ import bpy
 from ..radiosity_addon.check import lines
 from ..radiosity_addon.command import parse_options
 from ..radiosity_addon.export import export_scene
+from ..radiosity_addon.findings import keep_findings
 from ..radiosity_addon.job import Job
 from ..radiosity_addon.warn import Warnings, as_line
 from ..radiosity_addon.window_request import settings_in
@@ -33,8 +34,10 @@ class RADIOSITY_OT_check(bpy.types.Operator):
             settings = settings_in(context, parse_options(""))
             exported = export_scene(context.scene, context.view_layer, settings, warnings)
         except RadiosityError as error:
+            keep_findings(context.scene, [*warnings, {"object": "", "code": "error", "message": str(error)}])
             self.report({"ERROR"}, str(error))
             return {"CANCELLED"}
+        keep_findings(context.scene, warnings)
         for warning in warnings:
             self.report({"WARNING"}, as_line(warning))
         for line in lines(exported):

@@ -12,22 +12,29 @@ _commands: list[Any] = []
 
 def _classes() -> tuple[type, ...]:
     """The layer's Blender classes, in the order of registration."""
+    from .object_panel import CLASSES as OBJECT_PANELS
+    from .object_settings import CLASSES as OBJECT_SETTINGS
     from .panel import CLASSES as PANELS
     from .settings import CLASSES as SETTINGS
+    from .view_panel import CLASSES as VIEW_PANELS
+    from .view_settings import CLASSES as VIEW_SETTINGS
 
-    return (*SETTINGS, *PANELS)
+    return (*SETTINGS, *OBJECT_SETTINGS, *VIEW_SETTINGS, *PANELS, *VIEW_PANELS, *OBJECT_PANELS)
 
 
 def register() -> None:
     """Register the classes, the settings of each scene, and `blender -c radiosity`."""
     import bpy
 
-    from . import settings
+    from . import legend, object_settings, settings, view_settings
     from .command import execute
 
     for cls in _classes():
         bpy.utils.register_class(cls)
     settings.attach()
+    object_settings.attach()
+    view_settings.attach()
+    legend.attach()
     _commands.append(bpy.utils.register_cli_command("radiosity", execute))
 
 
@@ -35,10 +42,13 @@ def unregister() -> None:
     """Undo register(), last first."""
     import bpy
 
-    from . import settings
+    from . import legend, object_settings, settings, view_settings
 
     while _commands:
         bpy.utils.unregister_cli_command(_commands.pop())
+    legend.detach()
+    view_settings.detach()
+    object_settings.detach()
     settings.detach()
     for cls in reversed(_classes()):
         bpy.utils.unregister_class(cls)

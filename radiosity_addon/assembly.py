@@ -15,6 +15,7 @@ from .binding import Binding
 from .images import read_texture
 from .materials import HIGHEST, Shading, read_material
 from .mesh_arrays import MeshArrays, degenerate, read_mesh, read_uv, triangle_normals
+from .object_settings import density_of
 from .sockets import Colour, ImageUse
 from .visible import Shown
 from .warn import Warnings, warn
@@ -71,7 +72,7 @@ class Assembly:
         if binding.receives and self.settings.target == "lightmap" and self.settings.uv_layer is not None:
             lightmap_uv = read_uv(item.mesh, self.settings.uv_layer)[mesh.corner_ids[:, order]]
         surface = Surface(item.name, self._triangle_count, count, lightmap_uv, binding.receives and count > 0,
-                          corner_ids=np.ascontiguousarray(mesh.corner_ids[:, order]))
+                          density_of(item.original), corner_ids=np.ascontiguousarray(mesh.corner_ids[:, order]))
         self.surfaces.append(surface)
         self._vertex_count += len(positions)
         self._triangle_count += count

@@ -17,7 +17,7 @@ from ..solver.errors import NothingToBake
 from ..solver.lights import Light
 from ..solver.scene import Scene, Sky
 from ..solver.settings import Settings
-from . import cycles
+from . import cycles, preview
 from .assembly import Assembly
 from .binding import Binding
 from .lights import export_lights
@@ -59,9 +59,11 @@ def export_scene(scene: Any, view_layer: Any, settings: Settings, warnings: Warn
         With the object, the value and the next step.
     """
     settings = per_blender_unit(settings, scene, warnings)
-    sky, suns = read_world(scene.world, warnings)
-    return cycles.with_render_depsgraph(
-        scene, view_layer, lambda depsgraph: _collect(depsgraph, settings, sky, suns, warnings))
+    # A view of an older bake would be read as light of its own.
+    with preview.suspended():
+        sky, suns = read_world(scene.world, warnings)
+        return cycles.with_render_depsgraph(
+            scene, view_layer, lambda depsgraph: _collect(depsgraph, settings, sky, suns, warnings))
 
 
 def _collect(depsgraph: Any, settings: Settings, sky: Sky, suns: tuple[Light, ...], warnings: Warnings) -> Exported:

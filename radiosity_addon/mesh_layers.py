@@ -16,6 +16,8 @@ COLOURS = "Radiosity"
 # Custom properties of a mesh: the name of the UV map, and names of the colour attributes, that we made.
 UV_MARK = "radiosity_uv_map"
 COLOURS_MARK = "radiosity_colours"
+# Custom property of a mesh: the name of its empty first UV map, where we made that too.
+FILLER_MARK = "radiosity_empty_map"
 # The map that is put into slot 0 where a mesh has none, so that ours stands in slot 1, where engines look for it.
 FILLER = "UVMap"
 # Blender's limit for a mesh.
@@ -44,6 +46,7 @@ def put_uv(mesh: Any, uv: Float, name: str) -> str:
             filler = layers.new(name=FILLER, do_init=False)
             filler.uv.foreach_set("vector", np.zeros(len(mesh.loops) * 2, np.float32))
             active, rendered = 0, filler.name
+            mesh[FILLER_MARK] = filler.name
         ours = layers.new(name=UV_MAP, do_init=False).name
         mesh[UV_MARK] = ours
         layers.active_index = active
@@ -87,7 +90,19 @@ def remove_ours(mesh: Any) -> bool:
         if attribute is not None:
             mesh.color_attributes.remove(attribute)
             found = True
-    for mark in (UV_MARK, COLOURS_MARK):
+    _remove_filler(mesh)
+    for mark in (UV_MARK, COLOURS_MARK, FILLER_MARK):
         if mark in mesh:
             del mesh[mark]
     return found
+
+
+def _remove_filler(mesh: Any) -> None:
+    """Take our empty map away, if it is the only one and nobody has used it since."""
+    name = mesh.get(FILLER_MARK, "")
+    if len(mesh.uv_layers) != 1 or name not in mesh.uv_layers:
+        return
+    values = np.empty(len(mesh.loops) * 2, np.float32)
+    mesh.uv_layers[name].uv.foreach_get("vector", values)
+    if not values.any():
+        mesh.uv_layers.remove(mesh.uv_layers[name])

@@ -10,13 +10,15 @@ from .job import Job
 from .progress import clock
 
 
-class _Tab:
+class Tab:
+    """What all panels of the tab share."""
+
     bl_space_type = "VIEW_3D"
     bl_region_type = "UI"
     bl_category = "Radiosity"
 
 
-class RADIOSITY_PT_bake(_Tab, bpy.types.Panel):
+class RADIOSITY_PT_bake(Tab, bpy.types.Panel):
     """The button, and what is asked for most often."""
 
     bl_label = "Radiosity"
@@ -37,13 +39,12 @@ class RADIOSITY_PT_bake(_Tab, bpy.types.Panel):
             column.operator("radiosity.bake", icon="LIGHT_AREA")
         else:
             _draw_progress(layout, Job.current)
-        row = layout.row(align=True)
+        row = layout.row()
         row.enabled = Job.current is None
-        row.operator("radiosity.check")
-        row.operator("radiosity.clear")
+        row.operator("radiosity.check", icon="VIEWZOOM")
 
 
-class RADIOSITY_PT_layout(_Tab, bpy.types.Panel):
+class RADIOSITY_PT_layout(Tab, bpy.types.Panel):
     """Where the light lies in images."""
 
     bl_label = "Layout"
@@ -69,7 +70,7 @@ class RADIOSITY_PT_layout(_Tab, bpy.types.Panel):
             row.prop(settings, name)
 
 
-class RADIOSITY_PT_result(_Tab, bpy.types.Panel):
+class RADIOSITY_PT_result(Tab, bpy.types.Panel):
     """What is baked, and where it goes."""
 
     bl_label = "Result"

@@ -14,6 +14,7 @@ from ..solver.settings import Settings
 from .binding import Binding
 from .mesh_arrays import corner_vertices
 from .mesh_layers import MOST_UV_MAPS, UV_MARK
+from .object_settings import is_excluded
 from .visible import Shown
 from .warn import Warnings, warn
 
@@ -46,6 +47,11 @@ def _bind(item: Shown, settings: Settings, warnings: Warnings) -> Binding:
     named = bool(settings.only) and not names_of(item).isdisjoint(settings.only)
     wanted = named or not settings.only
     linked = item.original.library is not None or (item.own_mesh and item.original.data.library is not None)
+    excluded = is_excluded(item.original)
+    if excluded and named:
+        raise SceneError(f"object {item.name!r} is excluded from bakes: untick Exclude in its object properties "
+                         "(Radiosity Lightmaps), or don't name it")
+    wanted = wanted and not excluded
     obstacle = _obstacle(item, settings, linked) if wanted else ""
     if obstacle and named:
         raise SceneError(f"object {item.name!r} {obstacle}")

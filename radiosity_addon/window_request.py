@@ -10,6 +10,7 @@ import bpy
 from ..solver.errors import NothingToBake
 from ..solver.settings import Settings
 from .command import WORDS
+from .object_settings import is_excluded
 from .request import Request, folder_beside
 from .settings import ADVICE, settings_of
 
@@ -28,10 +29,10 @@ def settings_in(context: Any, options: Namespace) -> Settings:
     kept = context.scene.radiosity
     only: tuple[str, ...] = ()
     if kept.only_selected and "only" not in given:
-        selected = (item for item in context.view_layer.objects if item.select_get())
+        selected = (item for item in context.view_layer.objects if item.select_get() and not is_excluded(item))
         only = tuple(item.name for item in selected if item.type == "MESH" or item.instance_type == "COLLECTION")
         if not only:
-            raise NothingToBake("no mesh is selected: select some, or switch off Selected Only")
+            raise NothingToBake("no mesh is selected that is not excluded: select some, or switch off Selected Only")
     return settings_of(context.scene, {name: given[name] for name in WORDS if name in given}, only)
 
 

@@ -12,13 +12,14 @@ from numpy.typing import NDArray
 from ..solver.quantities import PREFIX, header
 from ..solver.result import Bake, Lightmap
 from ..solver.scene import Surface
-from . import baked_images, mesh_layers
+from . import baked_images, mesh_layers, patch_mesh, preview
 from .baked_images import MARK
 from .binding import Binding
 from .export import Exported
 from .modifiers import apply_modifiers
 from .report import relative_to_report
 from .request import Request
+from .results import remember
 from .warn import Warnings, warn
 
 Float = NDArray[np.floating[Any]]
@@ -40,8 +41,20 @@ def write_back(exported: Exported, bake: Bake, request: Request, scene: Any, vie
     OutputError
         If a file can't be written; the .blend is as it was then.
     """
+    outputs = _write(exported, bake, request, scene, view_layer, warnings)
+    if bake.patches is not None:
+        patch_mesh.store(bake.patches, [binding.instancer or binding.object for binding in exported.bindings])
+    scene.radiosity_view.rows.clear()
+    preview.refresh()
+    return outputs
+
+
+def _write(exported: Exported, bake: Bake, request: Request, scene: Any, view_layer: Any,
+           warnings: Warnings) -> list[dict[str, Any]]:
     if request.settings.target == "vertex":
         stored = _store(exported, bake, request, scene, view_layer, warnings)
+        for binding in exported.bindings:
+            _remember(binding, request, stored.get(binding.surface))
         return [_entry(binding, request, attribute=stored.get(binding.surface))
                 for binding in exported.bindings if binding.receives]
     paths = _write_files(bake, request)
@@ -51,7 +64,7 @@ def write_back(exported: Exported, bake: Bake, request: Request, scene: Any, vie
     for binding, page in zip(exported.bindings, bake.page_of_surface, strict=True):
         if page < 0:
             continue
-        _remember(binding, images[page])
+        _remember(binding, request, stored.get(binding.surface), images[page])
         name = relative_to_report(paths[page], request.report_path) if paths else images[page].name
         height, width = bake.lightmaps[page].pixels.shape[:2]
         outputs.append(_entry(binding, request, uv_layer=stored.get(binding.surface), image=name,
@@ -89,10 +102,14 @@ def _make_images(bake: Bake, request: Request, paths: Sequence[Any]) -> list[Any
             for lightmap, path in zip(bake.lightmaps, paths, strict=True)]
 
 
-def _remember(binding: Binding, image: Any) -> None:
-    """Let the object know its image, where an object is shown once and is ours to write to."""
+def _remember(binding: Binding, request: Request, layer: str | None, image: Any = None) -> None:
+    """Let the object know its result, where an object is shown once and is ours to write to."""
     item = bpy.data.objects.get(binding.object)
-    if item is not None and not binding.instancer and item.library is None:
+    if item is None or binding.instancer or item.library is not None:
+        return
+    if layer is not None:
+        remember(item, request.settings.target, request.settings.quantity, layer, image)
+    elif image is not None:
         item[MARK] = image
 
 
