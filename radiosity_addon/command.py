@@ -16,6 +16,7 @@ from typing import Any, NoReturn
 
 from ..solver.errors import OutputError, RadiosityError, SettingsError
 from ..solver.settings import ATLASES, PASSES, PRESETS, QUANTITIES, TARGETS
+from . import compare_request
 
 PROGRAM = "radiosity"
 # Arguments that are words of `solver.Settings`.
@@ -44,6 +45,12 @@ def build_parser(*, blend: bool = True) -> argparse.ArgumentParser:
         _add_words(command)
         _add_places(command)
         _add_groups(command, keep=command is not relight)
+    compare = commands.add_parser("compare", help="bake with Cycles too, and tell the error and both times",
+                                  allow_abbrev=False)
+    if blend:
+        compare.add_argument("blend", type=Path, metavar="SCENE.blend", help="the scene")
+    _add_words(compare)
+    compare_request.add_arguments(compare)
     return parser
 
 
@@ -145,6 +152,15 @@ def request_of(arguments: argparse.Namespace, scene: Any, blend: str) -> Any:
                    given.get("group_layers", scene.radiosity.group_layers))
 
 
+def compare_request_of(arguments: argparse.Namespace, scene: Any, blend: str) -> Any:
+    """The CompareRequest of these arguments, as `request_of`."""
+    from .settings import settings_of
+
+    given = vars(arguments)
+    settings = settings_of(scene, {name: given[name] for name in WORDS if name in given})
+    return compare_request.request_of(given, settings, blend)
+
+
 def main(argv: Sequence[str]) -> int:
     """`python -m radiosity`: open the .blend with Blender as a module, and do what is asked; returns the exit code."""
     try:
@@ -186,6 +202,10 @@ def _run(arguments: argparse.Namespace) -> int:
     import bpy
 
     scene, view_layer = bpy.context.scene, bpy.context.view_layer
+    if arguments.command == "compare":
+        from .compare_command import compare
+
+        return compare(compare_request_of(arguments, scene, bpy.data.filepath), scene, view_layer)
     request = request_of(arguments, scene, bpy.data.filepath)
     if arguments.command == "check":
         from .check import check

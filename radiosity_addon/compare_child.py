@@ -1,0 +1,352 @@
+"""Runs in a Blender of its own: builds the diffuse twin from files, and has Cycles bake and render it.
+
+Started by `compare_process.py` with a job in JSON: folder (of the files of `compare_twin.py`; results go there too),
+stage, pages ([width, height] each), passes, samples or seconds, seed, threads, and what to do: "bake" or "camera".
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import threading
+import time
+from pathlib import Path
+from typing import Any
+
+import bpy
+import numpy as np
+from numpy.typing import NDArray
+
+from . import cycles
+from .compare_twin import GEOMETRY, LAMPS
+
+Float = NDArray[np.floating[Any]]
+
+REFERENCES, STATUS = "references.npz", "status.json"
+CYCLES_VIEW, BAKED_VIEW = "cycles.npy", "baked.npy"
+LIGHTMAPS = "ours.npz"
+# Layers of the twin's mesh: where lumels lie, where textures lie, and the reflectance.
+LUMELS, TEXTURE, REFLECTANCE = "lumels", "texture", "reflectance"
+# A first bake warms up; the second, of so many samples, tells how long a sample takes.
+PILOT_SAMPLES = 8
+# Sample 0 of a lumel is its centre in every bake: fewer samples than this lean to it.
+LEAST_SAMPLES, MOST_SAMPLES = 4, 1 << 20
+# The camera's picture: its longer side in pixels, and samples of a pixel.
+VIEW_SIDE, VIEW_SAMPLES, EEVEE_SAMPLES = 480, 64, 16
+
+
+def main(path: str) -> None:
+    """Do the job of a file, and end as soon as the program that asked for it has ended."""
+    threading.Thread(target=_end_with_parent, daemon=True).start()
+    job = json.loads(Path(path).read_text(encoding="utf-8"))
+    folder = Path(job["folder"])
+    twin = Twin(job, folder)
+    if job["do"] == "bake":
+        _bake(twin, job, folder)
+        if job["camera"]:
+            _tell(folder, "camera view", 0.0)
+            twin.aim(job)
+            np.save(folder / CYCLES_VIEW, cycles.render_still(twin.scene, folder / "cycles.exr", VIEW_SAMPLES))
+    else:
+        _tell(folder, "camera view", 0.0)
+        twin.show_baked(folder / LIGHTMAPS)
+        twin.aim(job)
+        np.save(folder / BAKED_VIEW, cycles.render_eevee(twin.scene, folder / "baked.exr", EEVEE_SAMPLES))
+
+
+def _end_with_parent() -> None:
+    # Not by sys.stdin, whose lock a thread may not hold when Python ends.
+    while os.read(0, 1):
+        pass
+    os._exit(1)
+
+
+def _bake(twin: Twin, job: dict[str, Any], folder: Path) -> None:
+    """Two bakes with different seeds, each half the budget; and the pilots that tell how much that is."""
+    started = time.perf_counter()
+    _tell(folder, "pilot", 0.0)
+    twin.bake(1, job["seed"] + 2, job["passes"])
+    overhead = twin.bake(1, job["seed"] + 2, job["passes"])
+    pilot = twin.bake(PILOT_SAMPLES, job["seed"] + 3, job["passes"])
+    per_sample = max((pilot - overhead) / (PILOT_SAMPLES - 1), pilot / PILOT_SAMPLES / 10)
+    if job["samples"] is not None:
+        samples = job["samples"] // 2
+    else:
+        left = job["seconds"] - (time.perf_counter() - started)
+        samples = int((left / 2 - max(overhead - per_sample, 0)) / per_sample)
+    samples = min(max(samples, LEAST_SAMPLES), MOST_SAMPLES)
+    results: dict[str, NDArray[Any]] = {}
+    seconds = []
+    for half in range(2):
+        _tell(folder, f"bake {half + 1} of 2", overhead + per_sample * samples)
+        seconds.append(twin.bake(samples, job["seed"] + half, job["passes"]))
+        results |= {f"{half}/{page}": pixels for page, pixels in enumerate(twin.pixels())}
+    about = {"samples": samples, "seconds": seconds, "pilot_samples": [1, PILOT_SAMPLES],
+             "pilot_seconds": [overhead, pilot], "bounces": cycles.BOUNCES}
+    np.savez(folder / REFERENCES, about=json.dumps(about), **results)
+
+
+def _tell(folder: Path, stage: str, expected: float) -> None:
+    """Let the program that waits know what is done now, and for how many seconds."""
+    beside = folder / f"{STATUS}.part"
+    beside.write_text(json.dumps({"stage": stage, "expected": expected}), encoding="utf-8")
+    os.replace(beside, folder / STATUS)
+
+
+class Twin:
+    """The scene in this Blender: two meshes, the user's lamps and world."""
+
+    def __init__(self, job: dict[str, Any], folder: Path) -> None:
+        self.scene = bpy.context.scene
+        _empty(self.scene)
+        _place_stage(self.scene, job["stage"], folder / LAMPS)
+        with np.load(folder / GEOMETRY) as archive:
+            arrays = {name: archive[name] for name in archive.files}
+        self.images = [bpy.data.images.new(f"page {index}", *size, alpha=True, float_buffer=True, is_data=True)
+                       for index, size in enumerate(job["pages"])]
+        self._materials = _Materials(arrays, self.images)
+        baked = arrays["page"] >= 0
+        self.receiver = self._mesh("receivers", arrays, np.flatnonzero(baked))
+        if not baked.all():
+            self._mesh("others", arrays, np.flatnonzero(~baked))
+        # What was taken out and put in shows in the view layer only from here on.
+        bpy.context.view_layer.update()
+        cycles.set_up_bake(self.scene)
+        if job["threads"]:
+            self.scene.render.threads_mode, self.scene.render.threads = "FIXED", job["threads"]
+
+    def bake(self, samples: int, seed: int, passes: str) -> float:
+        """Bake all pages; the seconds that it took."""
+        self.scene.cycles.samples, self.scene.cycles.seed = samples, seed
+        started = time.perf_counter()
+        cycles.bake_diffuse(self.receiver, passes)
+        return time.perf_counter() - started
+
+    def pixels(self) -> list[Float]:
+        """What was baked last: (height, width, 4) float32 a page, row 0 at the bottom, alpha 1 where Cycles baked."""
+        found = []
+        for image in self.images:
+            values = np.empty(len(image.pixels), np.float32)
+            image.pixels.foreach_get(values)
+            found.append(values.reshape(image.size[1], image.size[0], 4))
+        return found
+
+    def aim(self, job: dict[str, Any]) -> None:
+        """Put the user's camera into the scene."""
+        placed = job["stage"]["camera"]
+        camera = bpy.data.objects.new("camera", bpy.data.cameras[placed["data"]])
+        camera.data.dof.use_dof = False
+        self.scene.collection.objects.link(camera)
+        camera.matrix_world = _matrix(placed["matrix"])
+        self.scene.camera = camera
+        width, height = job["stage"]["size"]
+        scale = VIEW_SIDE / max(width, height)
+        render = self.scene.render
+        render.resolution_x, render.resolution_y = max(round(width * scale), 1), max(round(height * scale), 1)
+        render.resolution_percentage = 100
+
+    def show_baked(self, path: Path) -> None:
+        """Let every surface shine by itself with the light that was baked on it, and by nothing else."""
+        with np.load(path) as archive:
+            for index, image in enumerate(self.images):
+                pixels = archive[str(index)]
+                rgba = np.ones((*pixels.shape[:2], 4), np.float32)
+                rgba[..., :3] = pixels
+                image.pixels.foreach_set(rgba.ravel())
+                image.update()
+        self._materials.show_baked()
+        for item in list(self.scene.objects):
+            if item.type == "LIGHT":
+                bpy.data.objects.remove(item)
+
+    def _mesh(self, name: str, arrays: dict[str, NDArray[Any]], rows: NDArray[np.int64]) -> Any:
+        """An object of some of the triangles."""
+        normals = arrays["normals"][rows] if len(arrays["normals"]) else np.zeros((len(rows), 3, 3), np.float32)
+        vertices, corners = _split(arrays["vertices"], arrays["triangles"][rows], normals)
+        mesh = bpy.data.meshes.new(name)
+        mesh.vertices.add(len(vertices))
+        mesh.vertices.foreach_set("co", vertices.ravel())
+        mesh.loops.add(3 * len(rows))
+        mesh.loops.foreach_set("vertex_index", corners.ravel())
+        mesh.polygons.add(len(rows))
+        mesh.polygons.foreach_set("loop_start", np.arange(0, 3 * len(rows), 3, dtype=np.int32))
+        slots, slot = np.unique(arrays["material"][rows], return_inverse=True)
+        for index in slots:
+            mesh.materials.append(self._materials[int(index)])
+        mesh.polygons.foreach_set("material_index", slot.astype(np.int32))
+        bent = normals.any(axis=(1, 2))
+        mesh.polygons.foreach_set("use_smooth", bent)
+        mesh.update(calc_edges=True)
+        for layer, key in ((LUMELS, "layout"), (TEXTURE, "uv")):
+            made = mesh.uv_layers.new(name=layer, do_init=False)
+            made.uv.foreach_set("vector", arrays[key][rows].ravel())
+        mesh.uv_layers.active = mesh.uv_layers[LUMELS]
+        colours = np.ones((len(rows), 3, 4), np.float32)
+        colours[..., :3] = arrays["reflectance"][rows][:, None]
+        attribute = mesh.color_attributes.new(REFLECTANCE, "FLOAT_COLOR", "CORNER")
+        attribute.data.foreach_set("color", colours.ravel())
+        if bent.any():
+            mesh.normals_split_custom_set(normals.reshape(-1, 3).tolist())
+        mesh.update()
+        made = bpy.data.objects.new(name, mesh)
+        made.location = arrays["origin"]
+        # Both of Cycles' cures for shadows on coarse smooth meshes move rays off the surface: no transport, so off.
+        made.shadow_terminator_geometry_offset = made.shadow_terminator_normal_offset = 0.0
+        self.scene.collection.objects.link(made)
+        return made
+
+
+def _split(vertices: Float, triangles: NDArray[np.int32], normals: Float) -> tuple[Float, NDArray[np.int32]]:
+    """Vertices that only corners with the same shading normal share, and the corners' indices, (t, 3)."""
+    grid = np.rint(normals.reshape(-1, 3).astype(np.float64) / 1e-4).astype(np.int64)
+    key = np.column_stack([triangles.reshape(-1), grid])
+    first, corner = np.unique(key, axis=0, return_index=True, return_inverse=True)[1:]
+    used = triangles.reshape(-1)[first]
+    return np.ascontiguousarray(vertices[used]), corner.reshape(-1, 3).astype(np.int32)
+
+
+class _Materials:
+    """The twin's materials: a diffuse surface of the mesh's reflectance times a texture, and what it emits."""
+
+    def __init__(self, arrays: dict[str, NDArray[Any]], pages: list[Any]) -> None:
+        self._rows, self._pages = arrays["materials"], pages
+        self._textures: dict[int, Any] = {}
+        self._pixels = {int(name.rpartition("_")[2]): value for name, value in arrays.items()
+                        if name.startswith("texture_")}
+        self._made = {index: self._make(index) for index in range(len(self._rows))}
+
+    def __getitem__(self, index: int) -> Any:
+        return self._made[index]
+
+    def _make(self, index: int) -> Any:
+        emission, reflectance_texture, emission_texture, page = np.split(self._rows[index], [3, 4, 5])
+        material = bpy.data.materials.new(f"twin {index}")
+        if material.node_tree is None:
+            material.use_nodes = True
+        tree = material.node_tree
+        tree.nodes.clear()
+        output = tree.nodes.new("ShaderNodeOutputMaterial")
+        diffuse = tree.nodes.new("ShaderNodeBsdfDiffuse")
+        diffuse.inputs["Roughness"].default_value = 0.0
+        tree.links.new(self._colour(tree, int(reflectance_texture[0])), diffuse.inputs["Color"])
+        surface = diffuse.outputs["BSDF"]
+        if emission.any():
+            surface = _added(tree, surface, self._emission(tree, emission, int(emission_texture[0])))
+        tree.links.new(surface, output.inputs["Surface"])
+        if page[0] >= 0:
+            node = tree.nodes.new("ShaderNodeTexImage")
+            node.name, node.image = "page", self._pages[int(page[0])]
+            tree.nodes.active = node
+        return material
+
+    def _colour(self, tree: Any, texture: int) -> Any:
+        """The output that says how much a surface reflects."""
+        attribute = tree.nodes.new("ShaderNodeAttribute")
+        attribute.name, attribute.attribute_name = "reflectance", REFLECTANCE
+        if texture < 0:
+            return attribute.outputs["Color"]
+        product = tree.nodes.new("ShaderNodeVectorMath")
+        product.operation, product.name = "MULTIPLY", "colour"
+        tree.links.new(attribute.outputs["Color"], product.inputs[0])
+        tree.links.new(self._texture(tree, texture), product.inputs[1])
+        return product.outputs[0]
+
+    def _emission(self, tree: Any, colour: Float, texture: int) -> Any:
+        """The output of an Emission shader: radiance `colour`, times a texture where there is one."""
+        node = tree.nodes.new("ShaderNodeEmission")
+        # A colour above 1 counts as it stands.
+        node.inputs["Strength"].default_value = 1.0
+        if texture < 0:
+            node.inputs["Color"].default_value = (*(float(value) for value in colour), 1.0)
+        else:
+            product = tree.nodes.new("ShaderNodeVectorMath")
+            product.operation = "MULTIPLY"
+            product.inputs[0].default_value = [float(value) for value in colour]
+            tree.links.new(self._texture(tree, texture), product.inputs[1])
+            tree.links.new(product.outputs[0], node.inputs["Color"])
+        return node.outputs["Emission"]
+
+    def _texture(self, tree: Any, index: int) -> Any:
+        node, place = tree.nodes.new("ShaderNodeTexImage"), tree.nodes.new("ShaderNodeUVMap")
+        if index not in self._textures:
+            pixels = self._pixels[index]
+            image = bpy.data.images.new(f"texture {index}", pixels.shape[1], pixels.shape[0], float_buffer=True,
+                                        is_data=True)
+            rgba = np.ones((*pixels.shape[:2], 4), np.float32)
+            rgba[..., :3] = pixels
+            image.pixels.foreach_set(rgba.ravel())
+            image.update()
+            self._textures[index] = image
+        node.image, place.uv_map = self._textures[index], TEXTURE
+        tree.links.new(place.outputs["UV"], node.inputs["Vector"])
+        return node.outputs["Color"]
+
+    def show_baked(self) -> None:
+        """Replace the diffuse surface by an emission of lightmap times reflectance; no lightmap, no light."""
+        for material in self._made.values():
+            tree = material.node_tree
+            diffuse = next(node for node in tree.nodes if node.bl_idname == "ShaderNodeBsdfDiffuse")
+            colour, target = diffuse.inputs["Color"].links[0].from_socket, diffuse.outputs["BSDF"].links[0].to_socket
+            shine = tree.nodes.new("ShaderNodeEmission")
+            shine.inputs["Strength"].default_value = 1.0
+            page = tree.nodes.get("page")
+            if page is None:
+                shine.inputs["Color"].default_value = (0.0, 0.0, 0.0, 1.0)
+            else:
+                place, product = tree.nodes.new("ShaderNodeUVMap"), tree.nodes.new("ShaderNodeVectorMath")
+                place.uv_map, product.operation = LUMELS, "MULTIPLY"
+                tree.links.new(place.outputs["UV"], page.inputs["Vector"])
+                tree.links.new(page.outputs["Color"], product.inputs[0])
+                tree.links.new(colour, product.inputs[1])
+                tree.links.new(product.outputs[0], shine.inputs["Color"])
+            tree.links.new(shine.outputs["Emission"], target)
+            tree.nodes.remove(diffuse)
+
+
+def _added(tree: Any, first: Any, second: Any) -> Any:
+    node = tree.nodes.new("ShaderNodeAddShader")
+    tree.links.new(first, node.inputs[0])
+    tree.links.new(second, node.inputs[1])
+    return node.outputs["Shader"]
+
+
+def _empty(scene: Any) -> None:
+    """Take everything out of Blender's start-up scene."""
+    for item in list(bpy.data.objects):
+        bpy.data.objects.remove(item)
+    scene.world = None
+
+
+def _place_stage(scene: Any, stage: dict[str, Any], path: Path) -> None:
+    """The user's lamps and world, still: as they are in the frame that is baked."""
+    wanted = {placed["data"] for placed in stage["lights"]}
+    with bpy.data.libraries.load(str(path), link=False) as (_, into):
+        into.lights = sorted(wanted)
+        into.worlds = [stage["world"]] if stage["world"] else []
+        into.cameras = [stage["camera"]["data"]] if stage["camera"] else []
+    lights = dict(zip(sorted(wanted), into.lights, strict=True))
+    for data in (*into.lights, *into.worlds, *into.cameras):
+        data.animation_data_clear()
+        if getattr(data, "node_tree", None) is not None:
+            data.node_tree.animation_data_clear()
+    for placed in stage["lights"]:
+        lamp = bpy.data.objects.new(placed["data"], lights[placed["data"]])
+        scene.collection.objects.link(lamp)
+        lamp.matrix_world = _matrix(placed["matrix"])
+    if into.worlds:
+        scene.world = into.worlds[0]
+        _without_volume(scene.world)
+
+
+def _without_volume(world: Any) -> None:
+    """No fog: radiosity knows light between surfaces alone."""
+    for node in world.node_tree.nodes if world.node_tree is not None else ():
+        if node.bl_idname == "ShaderNodeOutputWorld":
+            for link in list(node.inputs["Volume"].links):
+                world.node_tree.links.remove(link)
+
+
+def _matrix(rows: list[list[float]]) -> Any:
+    from mathutils import Matrix
+
+    return Matrix(rows)
