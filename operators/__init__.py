@@ -12,8 +12,10 @@ def _classes() -> tuple[type, ...]:
     from .leaks import CLASSES as LEAKS
     from .lux import CLASSES as LUX
     from .preview import CLASSES as PREVIEW
+    from .relight import CLASSES as RELIGHT
 
-    return (RADIOSITY_OT_bake, RADIOSITY_OT_check, RADIOSITY_OT_clear, *FINDINGS, *PREVIEW, *LUX, *LEAKS)
+    return (RADIOSITY_OT_bake, RADIOSITY_OT_check, RADIOSITY_OT_clear, *FINDINGS, *PREVIEW, *LUX, *LEAKS,
+            *RELIGHT)
 
 
 def register() -> None:

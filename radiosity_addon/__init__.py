@@ -15,18 +15,19 @@ def _classes() -> tuple[type, ...]:
     from .object_panel import CLASSES as OBJECT_PANELS
     from .object_settings import CLASSES as OBJECT_SETTINGS
     from .panel import CLASSES as PANELS
+    from .relight_panel import CLASSES as RELIGHT_PANELS
     from .settings import CLASSES as SETTINGS
     from .view_panel import CLASSES as VIEW_PANELS
     from .view_settings import CLASSES as VIEW_SETTINGS
 
-    return (*SETTINGS, *OBJECT_SETTINGS, *VIEW_SETTINGS, *PANELS, *VIEW_PANELS, *OBJECT_PANELS)
+    return (*SETTINGS, *OBJECT_SETTINGS, *VIEW_SETTINGS, *PANELS, *VIEW_PANELS, *RELIGHT_PANELS, *OBJECT_PANELS)
 
 
 def register() -> None:
     """Register the classes, the settings of each scene, and `blender -c radiosity`."""
     import bpy
 
-    from . import legend, object_settings, settings, view_settings
+    from . import legend, live_relight, object_settings, settings, view_settings
     from .command import execute
 
     for cls in _classes():
@@ -35,6 +36,7 @@ def register() -> None:
     object_settings.attach()
     view_settings.attach()
     legend.attach()
+    live_relight.attach()
     _commands.append(bpy.utils.register_cli_command("radiosity", execute))
 
 
@@ -42,10 +44,11 @@ def unregister() -> None:
     """Undo register(), last first."""
     import bpy
 
-    from . import legend, object_settings, settings, view_settings
+    from . import legend, live_relight, object_settings, settings, view_settings
 
     while _commands:
         bpy.utils.unregister_cli_command(_commands.pop())
+    live_relight.detach()
     legend.detach()
     view_settings.detach()
     object_settings.detach()

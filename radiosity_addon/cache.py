@@ -31,7 +31,6 @@ from .baked_images import FORBIDDEN
 from .binding import Binding
 from .digest import digest
 from .light_groups import Group, Member
-from .request import Request
 from .survey import Survey
 
 Float = NDArray[np.floating[Any]]
@@ -64,20 +63,25 @@ class Kept:
     stacks: tuple[tuple[Layer, ...], ...]
 
 
-def folder_of(request: Request, scene_name: str) -> Path:
-    """Where the groups of a scene are kept."""
+def places(output: Path | None, scene_name: str) -> list[Path]:
+    """Where the groups of a scene may be kept: in the output folder, if there is one, and in the user's folder."""
     name = FORBIDDEN.sub("_", scene_name).strip(" .") + SUFFIX
-    if request.output is not None:
-        return request.output / name
-    return user_folder() / (digest(bpy.data.filepath) if bpy.data.filepath else f"unsaved-{os.getpid()}") / name
+    own = user_folder() / (digest(bpy.data.filepath) if bpy.data.filepath else f"unsaved-{os.getpid()}") / name
+    return [own] if output is None else [output / name, own]
+
+
+def find(output: Path | None, scene_name: str) -> Path:
+    """The first place that holds groups, or the first."""
+    found = places(output, scene_name)
+    return next((folder for folder in found if is_kept(folder)), found[0])
 
 
 def user_folder() -> Path:
     """The extension's own folder; of an add-on that is no extension, one under Blender's user data."""
     package = __package__.rpartition(".")[0]
     if package.startswith("bl_ext."):
-        return Path(bpy.utils.extension_path_user(package, path="groups", create=True))
-    return Path(bpy.utils.user_resource("DATAFILES", path="radiosity_lightmaps", create=True))
+        return Path(bpy.utils.extension_path_user(package, path="groups"))
+    return Path(bpy.utils.user_resource("DATAFILES", path="radiosity_lightmaps"))
 
 
 def keep(folder: Path, bake: Bake, groups: Sequence[Group], seen: Survey, settings: Settings,

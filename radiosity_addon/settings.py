@@ -18,6 +18,12 @@ def _preset_chosen(self: Any, _context: Any) -> None:
         self.error = PRESETS[self.preset]
 
 
+def _live_switched(self: Any, context: Any) -> None:
+    from .live_relight import switched
+
+    switched(self, context)
+
+
 class RADIOSITY_PG_settings(bpy.types.PropertyGroup):
     """What to bake, and how well."""
 
@@ -73,6 +79,9 @@ class RADIOSITY_PG_settings(bpy.types.PropertyGroup):
                ("lamp", "By Lamp", "A group for each lamp: power and color of every one can be changed"),
                ("collection", "By Collection", "Lamps of a collection are changed together"),
                ("all", "All Lamps", "All lamps are changed together")])
+    live_relight: BoolProperty(  # type: ignore[valid-type]
+        name="Live", default=False, update=_live_switched,
+        description="Update the images by themselves, a moment after a light was changed")
     group_layers: BoolProperty(  # type: ignore[valid-type]
         name="Group Layers", default=False,
         description="Write the groups as layers of an EXR file beside each image; they add up to it")
