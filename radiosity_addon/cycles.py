@@ -1,6 +1,7 @@
-"""What Blender offers only as a render: Cycles renders a world to a map, and a render's own view of the scene.
+"""What Blender offers only as a render: Cycles renders a world to a map or bakes a material, and a render's own view
+of the scene.
 
-The only file that calls `bpy.ops.render`.
+The only file that calls `bpy.ops.render` and `bpy.ops.object.bake`.
 """
 
 from __future__ import annotations
@@ -124,6 +125,52 @@ def with_render_depsgraph(scene: Any, view_layer: Any, use: Callable[[Any], Resu
         raise SceneError(f"view layer {view_layer.name!r} of scene {scene.name!r} is not rendered: "
                          "switch on View Layer > Use for Rendering")
     return outcome[0]
+
+
+def bake_emission(item: Any, uv_map: str, width: int, height: int, frame: int) -> Float:
+    """What an object shines with, by Cycles: (height, width, 4) float32, alpha 1 where its UV map lies, else 0.
+
+    Parameters
+    ----------
+    item : object that is in no scene, with one material, of which it is the only user.
+    uv_map : name of the UV map to bake over; values are those at the texels' middles.
+    frame : number of the frame, for what is animated.
+
+    Raises
+    ------
+    RuntimeError
+        If Cycles is not there or can't bake.
+    """
+    scene = bpy.data.scenes.new("radiosity bake")
+    image = bpy.data.images.new("radiosity bake", width, height, alpha=True, float_buffer=True)
+    try:
+        if not hasattr(scene, "cycles"):
+            raise RuntimeError("Cycles is switched off: switch it on in Preferences > Add-ons")
+        image.colorspace_settings.name = "Non-Color"
+        image.pixels.foreach_set(np.zeros(width * height * 4, np.float32))
+        nodes = item.active_material.node_tree.nodes
+        nodes.active = nodes.new("ShaderNodeTexImage")
+        nodes.active.image = image
+        scene.collection.objects.link(item)
+        scene.frame_current = frame
+        scene.render.engine = "CYCLES"
+        scene.cycles.device, scene.cycles.samples = "CPU", 1
+        scene.cycles.use_adaptive_sampling = scene.cycles.use_denoising = False
+        scene.cycles.sample_clamp_direct = scene.cycles.sample_clamp_indirect = 0.0
+        layer = scene.view_layers[0]
+        item.select_set(True, view_layer=layer)
+        layer.objects.active = item
+        with _quiet(), bpy.context.temp_override(
+                scene=scene, view_layer=layer, active_object=item, object=item, selected_objects=[item],
+                selected_editable_objects=[item]):
+            bpy.ops.object.bake(type="EMIT", target="IMAGE_TEXTURES", save_mode="INTERNAL", margin=0, use_clear=False,
+                                uv_layer=uv_map)
+        pixels = np.empty(width * height * 4, np.float32)
+        image.pixels.foreach_get(pixels)
+        return pixels.reshape(height, width, 4)
+    finally:
+        bpy.data.scenes.remove(scene)
+        bpy.data.images.remove(image)
 
 
 @contextmanager

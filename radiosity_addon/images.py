@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from ..solver.errors import SceneError
 from ..solver.scene import Texture
+from .sockets import ASSOCIATED
 from .warn import Warnings, warn
 
 Float = NDArray[np.floating[Any]]
@@ -45,8 +46,12 @@ def read_texture(image: Any, material: str, warnings: Warnings) -> Texture:
     values = np.empty(width * height * channels, np.float32)
     image.pixels.foreach_get(values)
     pixels = values.reshape(height, width, channels)
+    alpha = pixels[:, :, 3:]
     pixels = np.repeat(pixels[:, :, :1], 3, axis=2) if channels < 3 else pixels[:, :, :3]
     if not image.is_float:
+        if image.alpha_mode in ASSOCIATED and alpha.size and alpha.min() < 1:
+            # As Cycles does: the colour, still coded, is multiplied by alpha.
+            pixels = pixels * alpha
         pixels = _to_linear(pixels, image, material, warnings)
     if not np.isfinite(pixels).all() or pixels.min() < 0:
         warn(warnings, material, "texture", f"image {image.name!r} has values that are negative or not finite: "

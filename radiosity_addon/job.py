@@ -120,7 +120,7 @@ class Job:
         full = report.complete(
             self._bake.report, scene=bpy.data.filepath or self._scene_name, blender=compat.version(),
             settings=self.request.settings, outputs=outputs, warnings=self.warnings, stages=self._seconds,
-            seconds=time.perf_counter() - self._started)
+            seconds=time.perf_counter() - self._started, materials=self._exported.materials)
         if self.request.report_path is not None:
             report.write(full, self.request.report_path)
         self.progress("write", 1.0)

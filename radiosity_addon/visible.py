@@ -12,6 +12,9 @@ from numpy.typing import NDArray
 from ..solver.errors import SceneError
 from .warn import Warnings, warn
 
+# Blender's random numbers of objects are 32 bits.
+LARGEST_RANDOM = 2**32 - 1
+
 
 @dataclass(frozen=True, eq=False)
 class Shown:
@@ -25,6 +28,7 @@ class Shown:
     mesh : the evaluated bpy mesh.
     matrix : (4, 4) float64 to world space.
     materials : of its slots; None for an empty slot.
+    random : between 0 and 1, the same in every render: what Object Info calls random.
     own_mesh : whether `mesh` is the evaluated mesh of `original`, and nothing that was made on the way.
     """
 
@@ -34,6 +38,7 @@ class Shown:
     mesh: Any
     matrix: NDArray[np.float64]
     materials: tuple[Any, ...]
+    random: float
     own_mesh: bool
 
 
@@ -68,5 +73,6 @@ def shown_meshes(depsgraph: Any, warnings: Warnings) -> list[Shown]:
             warn(warnings, original.name, "visibility", "is hidden from diffuse or shadow rays, which is not followed: "
                  "it blocks and reflects light, hide it from renders if it must not")
         materials = tuple(slot.material for slot in item.material_slots)
-        shown.append(Shown(name, original, instancer, item.data, matrix, materials, not made_on_the_way))
+        random = (instance.random_id & LARGEST_RANDOM) / LARGEST_RANDOM
+        shown.append(Shown(name, original, instancer, item.data, matrix, materials, random, not made_on_the_way))
     return shown

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from .cutouts import CutoutVisibility
 from .scene import Scene, Texture
 from .visibility import OFFSET, Visibility
 
@@ -56,6 +57,9 @@ class Geometry:
     @cached_property
     def visibility(self) -> Visibility:
         """The rays' side of it."""
+        holed = (np.asarray(self.scene.opacity) < 1) | (np.asarray(self.scene.opacity_texture) >= 0)
+        if holed.any():
+            return CutoutVisibility(self.corners, self.offset, holed, self.opacity)
         return Visibility(self.corners)
 
     def point(self, triangle: Int, u: Float, v: Float) -> Float:
@@ -99,6 +103,11 @@ class Geometry:
         if (self._emission_texture[triangle] >= 0).any():
             out = out * self._textures(self._emission_texture, triangle, u, v)
         return out
+
+    def opacity(self, triangle: Int, u: Float, v: Float) -> Float:
+        """(n,) float32: part of the rays that is stopped at barycentric points."""
+        texture = self._textures(np.asarray(self.scene.opacity_texture), triangle, u, v)
+        return np.asarray(np.asarray(self.scene.opacity)[triangle] * texture[:, 0])
 
     def _textures(self, index_of: Int, triangle: Int, u: Float, v: Float) -> Float:
         out = np.ones((len(triangle), 3), np.float32)
