@@ -121,13 +121,13 @@ def parse(argv: Sequence[str], *, blend: bool) -> argparse.Namespace:
     return arguments
 
 
-def parse_options(text: str) -> argparse.Namespace:
-    """The options of `bake` from one line of text, for the operator."""
+def parse_options(text: str, command: str = "bake") -> argparse.Namespace:
+    """The options of a sub-command from one line of text, for its operator."""
     try:
         words = shlex.split(text)
     except ValueError as cause:
         raise SettingsError(f"options {text!r} can't be read: {cause}") from cause
-    return parse(["bake", *words], blend=False)
+    return parse([command, *words], blend=False)
 
 
 def request_of(arguments: argparse.Namespace, scene: Any, blend: str) -> Any:

@@ -51,8 +51,8 @@ class Compared:
 class Comparison(Job):
     """A job (see there) that compares instead of writing back."""
 
-    # The report of the last one, for the panel.
-    last: dict[str, Any] | None = None
+    # The last one that was done, for the panel.
+    last: Compared | None = None
 
     def __init__(self, request: CompareRequest, scene: Any, view_layer: Any) -> None:
         super().__init__(request.bake, scene, view_layer)
@@ -76,7 +76,7 @@ class Comparison(Job):
         if self._failure is not None:
             raise self._failure
         assert self._compared is not None
-        Comparison.last = self._compared.report
+        Comparison.last = self._compared
         return self._compared
 
     def close(self) -> None:
