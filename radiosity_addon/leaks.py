@@ -42,7 +42,7 @@ def is_share(name: str) -> bool:
 
 
 def worst_first(table: PatchTable, name: str) -> NDArray[np.intp]:
-    """Patches in the order of their figure; shares count by the area that they stand for. Those with nothing are out."""
+    """Patches in the order of their figure, those with nothing left out; shares count times the patch's area."""
     value = figure(table, name) * (table.area if is_share(name) else 1)
     order = np.argsort(-value, kind="stable")
     return order[value[order] > 0]
@@ -85,7 +85,7 @@ def show_only(scene: Any, name: str, mesh: Any) -> Any:
 def place(table: PatchTable, objects: Sequence[str], index: int, context: Any) -> str:
     """Move the 3D cursor to a patch and select its object alone; the object's name."""
     context.scene.cursor.location = table.middle[index].tolist()
-    name = objects[table.surface[index]]
+    name = str(objects[table.surface[index]])
     item = context.view_layer.objects.get(name)
     if item is not None and context.mode == "OBJECT":
         for other in context.view_layer.objects:

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..solver.errors import NothingToBake, OutputError
-from ..solver.quantities import LUMINANCE, LUMINOUS_EFFICACY
+from ..solver.quantities import photometric
 from ..solver.raster import rasterise
 from . import false_colour
 from .baked_light import TO_RADIANCE
@@ -51,7 +51,7 @@ class Row:
 def illuminance(stored: Float, quantity: str) -> Float:
     """Values (..., 3) of a lightmap as illuminance (...), lx."""
     # TO_RADIANCE leads to E / pi.
-    return np.asarray(stored @ LUMINANCE * (LUMINOUS_EFFICACY * np.pi * TO_RADIANCE[quantity]), np.float32)
+    return np.asarray(photometric(stored) * (np.pi * TO_RADIANCE[quantity]), np.float32)
 
 
 def measure(scene: Any, depsgraph: Any) -> list[Row]:
@@ -71,7 +71,7 @@ def measure(scene: Any, depsgraph: Any) -> list[Row]:
         if len(lux):
             rows.append(Row.of(result.item.name, lux, area))
     if not rows:
-        raise NothingToBake("no object holds a bake of light that falls on it: bake radiance, irradiance or illuminance")
+        raise NothingToBake("no object holds a bake that tells of lux: bake radiance, irradiance or illuminance")
     return rows
 
 

@@ -1,6 +1,7 @@
 """Illuminance on a working plane: a grid of points over the floor that look up, measured by the solver.
 
-Points that get no light at all lie inside furniture or walls and are left out.
+Points inside furniture or walls are left out: those without light, and dim ones that see mostly backs of faces. Backs
+alone say little, for normals of rooms are often flipped.
 """
 
 from __future__ import annotations
@@ -14,7 +15,8 @@ from numpy.typing import NDArray
 
 from ..solver.bake import irradiance
 from ..solver.errors import NothingToBake, SettingsError
-from ..solver.quantities import LUMINANCE, LUMINOUS_EFFICACY
+from ..solver.inside import sees_backs
+from ..solver.quantities import photometric
 from ..solver.scene import Scene
 from . import false_colour, leaks
 from .baked_light import VIEW_MARK
@@ -30,8 +32,10 @@ Float = NDArray[np.floating[Any]]
 
 NAME = "Radiosity Working Plane"
 MOST_POINTS = 2**18
-# Points with less than this part of the mean count as inside something: quasi-random rays leak no more than that.
+# Points with less than this part of the median are inside something.
 DARK = 1e-4
+# So are those with less than this part of it that see more than this part of backs.
+DIM, BACKS = 0.1, 0.5
 
 
 @dataclass(frozen=True, eq=False)
@@ -83,6 +87,7 @@ class PlaneJob(Job):
         settings = replace(settings_of(scene, {"target": "vertex", "passes": "both"}), only=())
         super().__init__(Request(settings), scene, view_layer)
         self._irradiance: Float | None = None
+        self._backs: Float | None = None
 
     def export(self) -> None:
         """Read the scene, and lay out the points. Raises RadiosityError."""
@@ -100,6 +105,7 @@ class PlaneJob(Job):
         try:
             points = self.grid.middles()
             up = np.broadcast_to(np.array([0.0, 0.0, 1.0]), points.shape)
+            self._backs = sees_backs(self._exported.scene, points)
             self._irradiance = irradiance(self._exported.scene, self.request.settings, points, up, self.progress,
                                           self._cancel.is_set)
         except BaseException as error:  # noqa: BLE001 - it is raised again in Blender's thread, by measured()
@@ -113,9 +119,11 @@ class PlaneJob(Job):
         if self._failure is not None:
             raise self._failure
         assert self._irradiance is not None
+        assert self._backs is not None
         scene, _ = self._place()
-        lux = np.asarray(self._irradiance @ LUMINANCE * LUMINOUS_EFFICACY)
-        cells = np.flatnonzero(lux > DARK * lux.mean())
+        lux = photometric(self._irradiance)
+        typical = np.median(lux[lux > 0]) if lux.any() else 1.0
+        cells = np.flatnonzero((lux > DARK * typical) & ((lux > DIM * typical) | (self._backs <= BACKS)))
         if not len(cells):
             raise NothingToBake(f"no light reaches the working plane at {self.grid.z:.3g} m: "
                                 "set its height and floor so that it lies in the room")
