@@ -21,3 +21,10 @@ def uses_nodes(data: Any) -> bool:
 def version() -> str:
     """Blender's version, for the report."""
     return str(bpy.app.version_string)
+
+
+def reset_light(data: Any) -> None:
+    """Undo what multiplies a lamp's power since Blender 4.5: exposure, temperature, power by area."""
+    for name, value in (("exposure", 0.0), ("use_temperature", False), ("normalize", True)):
+        if name in data.bl_rna.properties:
+            setattr(data, name, value)

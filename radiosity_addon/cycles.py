@@ -46,7 +46,7 @@ def render_world(world: Any) -> Float:
         If Cycles is not there or can't render the world.
     """
     with _world_scene(world) as scene:
-        return _rendered(scene, world.name)
+        return rendered(scene, world.name)
 
 
 def render_world_window(world: Any, axis: Float, right: Float, up: Float, half: float) -> Float:
@@ -69,17 +69,24 @@ def render_world_window(world: Any, axis: Float, right: Float, up: Float, half: 
         camera.rotation_euler = Matrix(np.stack([right, up, -axis], axis=1).tolist()).to_euler()
         scene.render.resolution_x = scene.render.resolution_y = WINDOW_SIDE
         scene.cycles.samples = WINDOW_SAMPLES
-        return _rendered(scene, world.name)
+        return rendered(scene, world.name)
 
 
-def _rendered(scene: Any, name: str) -> Float:
+def rendered(scene: Any, name: str) -> Float:
+    """What the camera of a scene of our own sees, (h, w, 3) float32, row 0 at the bottom.
+
+    Raises
+    ------
+    SceneError
+        Naming the world or lamp `name`, if Cycles can't render it.
+    """
     with tempfile.TemporaryDirectory(prefix="radiosity-world-") as folder:
         path = Path(folder) / "world.exr"
         scene.render.filepath = str(path)
         with _render_result_kept(), _quiet():
             bpy.ops.render.render(write_still=True, scene=scene.name)
         if not path.is_file():
-            raise SceneError(f"world {name!r} could not be rendered by Cycles: simplify its node tree")
+            raise SceneError(f"{name!r} could not be rendered by Cycles: simplify its node tree")
         return _read(path)
 
 
@@ -191,7 +198,7 @@ def _world_scene(world: Any) -> Iterator[Any]:
         copy.cycles_visibility.camera = True
         # Nothing here is lit by it: Cycles need not build its map for sampling, which takes seconds.
         copy.cycles.sampling_method = "NONE"
-        _set_up_render(scene)
+        set_up_render(scene)
         yield scene
     finally:
         bpy.data.scenes.remove(scene)
@@ -213,7 +220,8 @@ def _read(path: Path) -> Float:
         bpy.data.images.remove(image)
 
 
-def _set_up_render(scene: Any) -> None:
+def set_up_render(scene: Any) -> None:
+    """Settings of a render of plain light, as large as the map of a world."""
     render, settings = scene.render, scene.cycles
     render.engine = "CYCLES"
     render.resolution_x, render.resolution_y, render.resolution_percentage = WORLD_WIDTH, WORLD_HEIGHT, 100

@@ -20,7 +20,8 @@ from ..solver.settings import Settings
 from . import cycles, preview
 from .assembly import Assembly
 from .binding import Binding
-from .lights import export_lights
+from .lamp_nodes import Emissions, read_emissions
+from .lights import export_lights, lamp_data
 from .receiving import choose_receivers
 from .units import per_blender_unit
 from .visible import shown_meshes
@@ -64,14 +65,15 @@ def export_scene(scene: Any, view_layer: Any, settings: Settings, warnings: Warn
     # A view of an older bake would be read as light of its own.
     with preview.suspended():
         sky, suns = read_world(scene.world, warnings)
+        emissions = read_emissions(lamp_data(scene), warnings)
         assembly, bindings, lamps = cycles.with_render_depsgraph(
-            scene, view_layer, lambda depsgraph: _collect(depsgraph, settings, warnings))
+            scene, view_layer, lambda depsgraph: _collect(depsgraph, settings, emissions, warnings))
         # Only now: Cycles can't bake materials while the dependency graph is handed out, which is a render.
         assembly.materials.evaluate(scene.frame_current)
     return _lit(assembly, bindings, (*lamps, *suns), sky, settings)
 
 
-def _collect(depsgraph: Any, settings: Settings,
+def _collect(depsgraph: Any, settings: Settings, emissions: Emissions,
              warnings: Warnings) -> tuple[Assembly, tuple[Binding, ...], tuple[Light, ...]]:
     shown = shown_meshes(depsgraph, warnings)
     if not shown:
@@ -80,7 +82,7 @@ def _collect(depsgraph: Any, settings: Settings,
     assembly = Assembly(settings, warnings)
     for item, binding in zip(shown, bindings, strict=True):
         assembly.add(item, binding)
-    return assembly, bindings, export_lights(depsgraph, warnings)
+    return assembly, bindings, export_lights(depsgraph, warnings, emissions)
 
 
 def _lit(assembly: Assembly, bindings: tuple[Binding, ...], lights: tuple[Light, ...], sky: Sky,

@@ -10,7 +10,8 @@ import bpy
 import numpy as np
 import pytest
 from radiosity.radiosity_addon import compat
-from radiosity.radiosity_addon.lights import export_lights
+from radiosity.radiosity_addon.lamp_nodes import read_emissions
+from radiosity.radiosity_addon.lights import export_lights, lamp_data
 from radiosity.solver.direct import DirectLight
 from radiosity.solver.footprints import ReceiverFootprints
 from radiosity.solver.geometry import Geometry
@@ -201,18 +202,22 @@ def assert_agree(lights):
         assert closed.mean(axis=0) == pytest.approx(mean[0], rel=TOLERANCE)
 
 
+def _export():
+    warnings = []
+    emissions = read_emissions(lamp_data(bpy.context.scene), warnings)
+    return export_lights(bpy.context.evaluated_depsgraph_get(), warnings, emissions), warnings
+
+
 def exported():
     """The scene's lamps, which export without a warning."""
-    warnings = []
-    lights = export_lights(bpy.context.evaluated_depsgraph_get(), warnings)
+    lights, warnings = _export()
     assert warnings == []
     return lights
 
 
 def warned():
     """The scene's lamps, and the one warning that exporting them gave."""
-    warnings = []
-    lights = export_lights(bpy.context.evaluated_depsgraph_get(), warnings)
+    lights, warnings = _export()
     (warning,) = warnings
     assert (warning["object"], warning["code"]) == ("Lamp", "lamp")
     return lights, warning["message"]
