@@ -90,6 +90,13 @@ class MaterialReader(Reader):
         if (self._part, message) not in self.guesses:
             self.guesses.append((self._part, message))
 
+    def weight(self, socket: Any) -> float:
+        """A number in 0 ... 1 that all parts are multiplied by; the rest of the light goes through."""
+        before = len(self.guesses)
+        value = _unit(self.number(socket))
+        self.guesses += [("passing", message) for _, message in self.guesses[before:]]
+        return value
+
     @contextmanager
     def part(self, name: str) -> Iterator[None]:
         """What is guessed meanwhile concerns this part alone."""
@@ -142,8 +149,8 @@ def _principled(node: Any, reader: MaterialReader) -> Shading:
         emission = reader.colour(node.inputs["Emission Color"]).scaled(strength) if strength > 0 else BLACK
     with reader.part("lost"):
         metallic = _unit(reader.number(node.inputs["Metallic"]))
-    alpha = _unit(reader.number(node.inputs["Alpha"]))
-    transmission = _unit(reader.number(node.inputs["Transmission Weight"])) * (1 - metallic)
+    alpha = reader.weight(node.inputs["Alpha"])
+    transmission = reader.weight(node.inputs["Transmission Weight"]) * (1 - metallic)
     mirrored = mean_fresnel(specular_ior(_setting(node.inputs["IOR"]), _setting(node.inputs["Specular IOR Level"])))
     solid = alpha * (1 - transmission)
     lost = alpha * (metallic * luminance(reflectance) + (1 - metallic) * mirrored) + alpha * transmission

@@ -75,6 +75,8 @@ class SurfaceMaterials:
                 shading = settled(shading, name, self.warnings)
             self._slots[name] = Slot(len(self.names), shading, material)
             self.names.append(name or "(no material)")
+            if shading.passes_light:
+                self._note(self.names[-1], shading, np.zeros(3), shading.lost, shading.passing)
         return self._slots[name]
 
     def columns(self, item: Shown, mesh: MeshArrays, index: Int, slots: list[Slot], order: list[int]) -> Columns:
@@ -131,7 +133,7 @@ class SurfaceMaterials:
                 columns[f"{name}_texture"][rows] = number
                 if name == "reflectance":
                     mean = mean * self.textures[number].pixels.mean(axis=(0, 1))
-        self._note(place, mean, shading.lost, shading.passing)
+        self._note(place.material, shading, mean, shading.lost, shading.passing)
 
     def _put_evaluated(self, place: _Place, result: Evaluated, order: list[int]) -> None:
         """Put down what Cycles made of a material."""
@@ -156,7 +158,8 @@ class SurfaceMaterials:
         self._part(place, "reflectance", np.clip(reflectance, 0, HIGHEST), result.cells)
         self._part(place, "emission", emission, result.cells)
         self._part(place, "opacity", np.where(solid < 1 - FAINT, solid, 1), result.cells)
-        self._note(place, _mean(np.clip(reflected, 0, 1), inside) / max(1 - passes, FAINT), lost, passes)
+        mean = _mean(np.clip(reflected, 0, 1), inside) / max(1 - passes, FAINT)
+        self._note(place.material, shading, mean, lost, passes)
 
     def _part(self, place: _Place, name: str, values: Float, cells: Cells) -> None:
         """One colour (3,) or a texture (h, w, 3) into its column."""
@@ -170,13 +173,12 @@ class SurfaceMaterials:
             cells.fill_rims(pixels)
             self.textures.append(Texture(pixels, f"{place.material} on {place.object}"))
 
-    def _note(self, place: _Place, reflectance: Float, lost: float, passing: float) -> None:
+    def _note(self, name: str, shading: Shading, reflectance: Float, lost: float, passing: float) -> None:
         """The material's row in the report; of one that many objects show, the first object's counts."""
-        if place.material not in self.rows:
-            reasons = list(place.shading.reasons)
-            self.rows[place.material] = {
-                "name": place.material, "diffuse_reflectance": [round(float(value), 6) for value in reflectance],
-                "passes": round(passing, 6), "not_carried": round(lost, 6), "reason": "; ".join(reasons)}
+        if name not in self.rows:
+            self.rows[name] = {
+                "name": name, "diffuse_reflectance": [round(float(value), 6) for value in reflectance],
+                "passes": round(passing, 6), "not_carried": round(lost, 6), "reason": "; ".join(shading.reasons)}
 
     def _image_texture(self, colour: Colour, reflects: bool, material: str) -> int:
         """Index of an image among the scene's textures."""

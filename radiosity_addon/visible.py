@@ -10,10 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..solver.errors import SceneError
+from .object_random import random_of
 from .warn import Warnings, warn
-
-# Blender's random numbers of objects are 32 bits.
-LARGEST_RANDOM = 2**32 - 1
 
 
 @dataclass(frozen=True, eq=False)
@@ -73,6 +71,6 @@ def shown_meshes(depsgraph: Any, warnings: Warnings) -> list[Shown]:
             warn(warnings, original.name, "visibility", "is hidden from diffuse or shadow rays, which is not followed: "
                  "it blocks and reflects light, hide it from renders if it must not")
         materials = tuple(slot.material for slot in item.material_slots)
-        random = (instance.random_id & LARGEST_RANDOM) / LARGEST_RANDOM
-        shown.append(Shown(name, original, instancer, item.data, matrix, materials, random, not made_on_the_way))
+        shown.append(Shown(name, original, instancer, item.data, matrix, materials, random_of(instance),
+                           not made_on_the_way))
     return shown
