@@ -59,7 +59,7 @@ class Lambert:
 
     def __call__(self, incoming: Float, outgoing: Float) -> Float:
         """Evaluate."""
-        return _above(incoming, outgoing)[..., None] * np.asarray(self.reflectance) / np.pi
+        return np.asarray(_above(incoming, outgoing)[..., None] * np.asarray(self.reflectance) / np.pi)
 
 
 @dataclass(frozen=True, eq=False)
@@ -112,7 +112,7 @@ class Blinn:
 
 def mirrored(direction: Float) -> Float:
     """Directions (..., 3) mirrored at the normal."""
-    return direction * np.array([-1.0, -1.0, 1.0])
+    return np.asarray(direction * np.array([-1.0, -1.0, 1.0]))
 
 
 def half_vector(incoming: Float, outgoing: Float) -> Float:

@@ -28,7 +28,7 @@ def wall_means(side: int, reflectance: float) -> Float:
     """Mean irradiance H = F B (3,) of floor, ceiling and one side, W/m2."""
     system = cube(side, reflectance)
     walls = (system.F @ system.radiosity()).reshape(6, -1).mean(axis=1)
-    return walls[[FLOOR, CEILING, RED]]
+    return np.asarray(walls[[FLOOR, CEILING, RED]])
 
 
 def coloured_floor(side: int) -> Float:
@@ -70,9 +70,9 @@ def main() -> None:
     for row in (0, 4, 8):
         print(", ".join(f"{value:.3f}" for value in floor[row]))
     print("elements across 2 m, largest error of a shadow's edge of .2 m, of the unshadowed light")
-    exact = shadow_edge(np.linspace(-1, 1, POINTS))
+    edge = shadow_edge(np.linspace(-1, 1, POINTS))
     for across in ACROSS:
-        print(f"{across},", f"{reconstruction_error(across, exact):.0%}")
+        print(f"{across},", f"{reconstruction_error(across, edge):.0%}")
 
 
 if __name__ == "__main__":
