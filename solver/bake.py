@@ -105,7 +105,7 @@ class _Work:
             corners = self.geometry.corners.reshape(-1, 3)
             shells = Shells.of(self.geometry.corners)
             patches = Patches(shells, corners.min(axis=0), corners.max(axis=0), self.plan.smallest_patch,
-                              looks.distance)
+                              looks.distance, self.geometry.visibility)
             if looks.spots is not None:
                 patches.grow(looks.spots, looks.weight, looks.seen_from,
                              float(looks.weight.sum()) / self.plan.patches)
