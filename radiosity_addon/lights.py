@@ -152,7 +152,7 @@ def _strength(data: Any) -> Float:
     strength *= 2.0 ** getattr(data, "exposure", 0.0)
     if getattr(data, "use_temperature", False):
         strength *= np.array(data.temperature_color, np.float64)
-    return strength
+    return np.asarray(strength)
 
 
 def _lights_diffuse_surfaces(lamp: Any, warnings: Warnings) -> bool:

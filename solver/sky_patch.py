@@ -133,7 +133,7 @@ def _draw(running: Float, value: Float) -> tuple[Int, Float]:
 
 def _grouped(direction: Float, share: Float) -> tuple[Float, Float]:
     """Power (g,) and mean direction (g, 3) float32 of groups of texels that lie together (median cut, Debevec 2005)."""
-    groups = [np.arange(len(share))]
+    groups: list[Int] = [np.arange(len(share))]
     while len(groups) < HORIZON_GROUPS:
         halves = [half for group in groups for half in _halves(direction, share, group)]
         if len(halves) == len(groups):
