@@ -7,7 +7,8 @@ ray between them is free. A uniform visible fraction in place of the weighted on
 
 Where we leave the paper:
 1. Rays are spent by absolute error: a pilot finds the penumbrae, and only those get more (up to MOST_RAYS).
-2. Lamps that give little at a point are drawn by systematic resampling (unbiased), not looped over.
+2. Of many lamps, those that give little are drawn by chance (`many_lights.py`), not looped over. Where one or two rays
+   to a lamp are enough, their plain mean weight is taken: it is unbiased, and needs no closed form.
 """
 
 from __future__ import annotations
@@ -18,11 +19,15 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from .blocks import Blocks
 from .footprints import Footprints
 from .geometry import Geometry
+from .light_bounds import LightBounds
 from .lights import Light
+from .many_lights import CLOSED_FROM, Chooser, Look, Wish, everything
 from .parallel import Run, slices
-from .sampling import kronecker, shifted, shifts, uniform
+from .sampling import kronecker, shifted, shifts
+from .shadow_sums import ShadowSums, doubtful, joined, ratio
 from .visibility import SHORTEN
 
 Float = NDArray[np.floating[Any]]
@@ -43,8 +48,11 @@ CLOSED_SAMPLES = 4
 COLUMNS = (3, 0, 2, 1)
 # Up to this many lamps, every one is looked at from every point.
 FEW_LAMPS = 4
-# A lamp that would give less than this part of all unoccluded light at a point is drawn with a probability.
+# A lamp that would give less than this part of all light at a point is drawn with a probability.
 SMALL_SHARE = 2e-3
+# Receivers of a block that lamps are chosen for, at most; and of a region in which it is tried out which lamps can be
+# seen: with and without a wanted error.
+BLOCK, FINE_REGION, REGION = 64, 64, 512
 
 
 class DirectLight:
@@ -59,6 +67,7 @@ class DirectLight:
 
     def __init__(self, geometry: Geometry, lights: Sequence[Light], seed: int) -> None:
         self.geometry, self.lights, self.seed = geometry, tuple(lights), seed
+        self._chooser = Chooser(LightBounds.of(self.lights), seed) if len(self.lights) > FEW_LAMPS else None
 
     def irradiance(self, places: Footprints, run: Run, tolerance: float = 0.0, pilot: int = PILOT_RAYS,
                    small_share: float = SMALL_SHARE, neighbours: Int | None = None) -> Float:
@@ -69,7 +78,7 @@ class DirectLight:
         places : the footprints.
         tolerance : wanted standard deviation of each value, W/m2 (mean of the channels); 0 keeps to the pilot.
         pilot : shadow rays of a footprint and lamp at first.
-        small_share : see SMALL_SHARE.
+        small_share : see SMALL_SHARE; of no account where a tolerance is given.
         neighbours : (n, 8) int rows next to each footprint, -1 for none: where they disagree, rays are added.
 
         Returns
@@ -79,22 +88,103 @@ class DirectLight:
         total = np.zeros((len(places), 3), np.float32)
         if not self.lights or not len(places):
             return total
-        choose = _Choice(self, places, run, small_share)
-        for number, light in enumerate(self.lights):
-            rows, factor = choose.rows(number)
-            if len(rows):
-                total += self._one(light, number, places, rows, factor, run, tolerance, pilot, neighbours)
+        wish = Wish(tolerance, pilot, small_share)
+        if self._chooser is None:
+            for look in everything(len(places), len(self.lights), wish):
+                self._add(total, [look], places, wish, neighbours, run)
+            return total
+        regions, blocks, single = Blocks.nested(places, (FINE_REGION if tolerance > 0 else REGION, BLOCK), run)
+        shown = self._chooser.shown(regions, places, lambda *asked: self._attempt(places, *asked, run))
+        within = np.searchsorted(regions.begin, blocks.begin[:-1], side="right") - 1
+        for batch in self._chooser.batches(blocks):
+            looks = self._chooser.looks(blocks.take(batch), single, shown[within[batch]], places, wish)
+            self._add(total, looks, places, wish, neighbours, run)
         return total
 
-    def unoccluded(self, light: Light, places: Footprints, rows: Int) -> Float:
-        """Closed-form irradiance at the footprints' middles over the lamp's colour: (n,) float32; nan if none."""
-        half = np.full(len(rows), 0.5, np.float32)
-        points, normals = places.sample(rows, half, half)
-        closed = light.irradiance(points, normals)
-        if closed is None:
-            return np.full(len(rows), np.nan, np.float32)
-        channel = int(np.argmax(light.colour))
-        return np.asarray(closed[:, channel] / max(float(light.colour[channel]), 1e-30), np.float32)
+    def _attempt(self, places: Footprints, lamps: Int, runs: Int, rows: Int, run: Run) -> tuple[Float, Float]:
+        """One shadow ray from each of `rows`, towards lamp k from runs[k] to runs[k + 1]: the irradiance that it stands
+        for, were it free, and as it is (n,) W/m2."""
+        def work(job: tuple[int, slice]) -> tuple[Float, Float]:
+            light, part = self.lights[job[0]], job[1]
+            some = rows[part]
+            key = places.identity[some] * np.int64(1_000_003) + np.arange(part.start, part.stop)
+            points, normals = places.sample(some, *shifts(key, 2, self.seed + 7).T)
+            weight, seen = self._shadow(light, points, normals, shifts(key, 2, self.seed + 9), run)
+            brightness = np.float32(np.mean(light.colour))
+            return weight * brightness, seen * brightness
+
+        jobs = [(int(lamp), slice(first + part.start, first + part.stop))
+                for lamp, first, last in zip(lamps, runs[:-1], runs[1:], strict=True)
+                for part in slices(last - first, CHUNK_RAYS)]
+        if not jobs:
+            return np.zeros(0), np.zeros(0)
+        given, seen = zip(*run.map(work, jobs), strict=True)
+        return np.concatenate(given), np.concatenate(seen)
+
+    def _add(self, total: Float, looks: list[Look], places: Footprints, wish: Wish, neighbours: Int | None,
+             run: Run) -> None:
+        """Add what lamps give to those who look at them."""
+        sums = self._sums([(look, group, 0, count) for look in looks for count, group in _groups(look)], places, run)
+        first = joined(sums, [_kinds(look) for look in looks])
+        more: list[tuple[Look, Int, int, int]] = []
+        values = []
+        for look, own in zip(looks, first, strict=True):
+            value, spread = ratio(own, look.rays)
+            values.append(value)
+            brightness = float(np.mean(self.lights[look.number].colour))
+            if wish.tolerance > 0 and brightness > 0:
+                doubt = doubtful(own, look.rows, look.rays >= CLOSED_FROM, look.closed, len(total), neighbours)
+                sigma = np.where(doubt, np.maximum(spread, own.level * 0.25), 0) * brightness * look.factor
+                wanted = np.minimum(np.where(sigma > 0, (sigma / wish.tolerance) ** (1 / QMC_RATE), 0), MOST_RAYS)
+                more += [(look, group, start, count) for start, count, group in _steps(look, wanted)]
+        place = {id(look): number for number, look in enumerate(looks)}
+        asked = [(look, group, start, count - start) for look, group, start, count in more]
+        for (look, group, _, count), added in zip(more, self._sums(asked, places, run), strict=True):
+            number = place[id(look)]
+            values[number][group] = ratio(first[number].take(group).plus(added), count)[0]
+        for look, value in zip(looks, values, strict=True):
+            total[look.rows] += (value * look.factor)[:, None] * self.lights[look.number].colour
+
+    def _sums(self, asked: list[tuple[Look, Int, int, int]], places: Footprints, run: Run) -> list[ShadowSums]:
+        """Sums over shadow rays start ... start + count - 1 of the point set, for some rows of a look each."""
+        def work(job: tuple[int, slice]) -> ShadowSums:
+            look, group, start, count = asked[job[0]]
+            rows = group[job[1]]
+            return self._rays(look.number, places, look.rows[rows], start, count, bool(look.closed[rows[0]]), run)
+
+        jobs = [(number, part) for number, (_, group, _, count) in enumerate(asked)
+                for part in slices(len(group), max(1, CHUNK_RAYS // count))]
+        done = run.map(work, jobs)
+        parts: list[list[ShadowSums]] = [[] for _ in asked]
+        for (number, _), sums in zip(jobs, done, strict=True):
+            parts[number].append(sums)
+        return [ShadowSums.concatenate(some) for some in parts]
+
+    def _rays(self, number: int, places: Footprints, rows: Int, start: int, count: int, ask: bool,
+              run: Run) -> ShadowSums:
+        light = self.lights[number]
+        set_of_points = kronecker(count, 4, start)
+        move = shifts(places.identity[rows], 4, self.seed + 7919 * (number + 1))
+        x, y, u, v = (shifted(set_of_points[:, axis], move[:, axis]).reshape(-1) for axis in COLUMNS)
+        points, normals = places.sample(np.repeat(rows, count), x, y)
+        weight, seen = self._shadow(light, points, normals, np.stack([u, v], axis=-1), run)
+        weight, seen = weight.reshape(-1, count), seen.reshape(-1, count)
+        closed = self._closed(light, points, normals, count) if ask and start == 0 else np.full(
+            len(rows), np.nan, np.float32)
+        return ShadowSums(weight.sum(1), seen.sum(1), (weight > 0).sum(1), (seen > 0).sum(1), closed)
+
+    def _shadow(self, light: Light, points: Float, normals: Float, uv: Float, run: Run) -> tuple[Float, Float]:
+        """Weights of shadow rays, and the same where something stands between: 0 (n,)."""
+        towards = light.sample(points, normals, uv)
+        weight = towards.weight
+        lit = np.flatnonzero(weight > 0)
+        seen = np.zeros_like(weight)
+        if len(lit):
+            reach = np.minimum(towards.distance[lit], np.float32(1e30)) * np.float32(1 - SHORTEN)
+            hidden = self.geometry.visibility.occluded(points[lit], towards.direction[lit], reach)
+            seen[lit] = np.where(hidden, 0, weight[lit])
+        run.count(len(lit))
+        return weight, seen
 
     def _closed(self, light: Light, points: Float, normals: Float, count: int) -> Float:
         """Closed form over the lamp's colour, the mean over the first few places of each footprint: (n,) float32."""
@@ -106,146 +196,26 @@ class DirectLight:
         channel = int(np.argmax(light.colour))
         return np.asarray(closed[:, channel].reshape(-1, some).mean(axis=1) / max(float(light.colour[channel]), 1e-30))
 
-    def _one(self, light: Light, number: int, places: Footprints, rows: Int, factor: Float, run: Run,
-             tolerance: float, pilot: int, neighbours: Int | None) -> Float:
-        """What one lamp gives at `rows`, each times its factor."""
-        brightness = float(np.mean(light.colour))
-        first = self._sums(light, number, places, rows, 0, pilot, run)
-        value, spread = _ratio(first, pilot)
-        if tolerance > 0 and brightness > 0:
-            doubt = _doubtful(first, rows, len(places), neighbours)
-            sigma = np.where(doubt, np.maximum(spread, first.level * 0.25), 0) * brightness * factor
-            wanted = np.where(sigma > 0, (sigma / tolerance) ** (1 / QMC_RATE), 0)
-            wanted = np.minimum(wanted, MOST_RAYS)
-            value = self._refined(light, number, places, rows, first, value, wanted, pilot, run)
-        out = np.zeros((len(places), 3), np.float32)
-        out[rows] = (value * factor)[:, None] * light.colour
-        return out
 
-    def _refined(self, light: Light, number: int, places: Footprints, rows: Int, first: _Sums, value: Float,
-                 wanted: Float, pilot: int, run: Run) -> Float:
-        """More rays where they are wanted, in groups of equal count: 4, 16, 64 ... times the pilot."""
-        value = value.copy()
-        count = 4 * pilot
+def _kinds(look: Look) -> Int:
+    """What must be alike for rows to be worked on together: (n,) int."""
+    return 2 * look.rays + look.closed
+
+
+def _groups(look: Look) -> list[tuple[int, Int]]:
+    """Rows with the same number of rays, that ask for the closed form or don't."""
+    kinds = _kinds(look)
+    return [(int(kind) // 2, np.flatnonzero(kinds == kind)) for kind in np.unique(kinds)]
+
+
+def _steps(look: Look, wanted: Float) -> list[tuple[int, int, Int]]:
+    """Rows that want more rays than they have, by what they have and what they get: 4, 16, 64 ... times that."""
+    found = []
+    for start, rows in _groups(look):
+        count = 4 * start
         while count <= 4 * MOST_RAYS:
-            group = np.flatnonzero((wanted > count / 4) & (wanted <= count))
+            group = rows[(wanted[rows] > count / 4) & (wanted[rows] <= count)]
             if len(group):
-                more = self._sums(light, number, places, rows[group], pilot, count - pilot, run)
-                both = first.take(group).plus(more)
-                value[group] = _ratio(both, count)[0]
+                found.append((start, count, group))
             count *= 4
-        return value
-
-    def _sums(self, light: Light, number: int, places: Footprints, rows: Int, start: int, count: int,
-              run: Run) -> _Sums:
-        """Sums over shadow rays start ... start + count - 1 of the point set."""
-        set_of_points = kronecker(count, 4, start)
-
-        def work(part: slice) -> _Sums:
-            these = rows[part]
-            move = shifts(places.identity[these], 4, self.seed + 7919 * (number + 1))
-            x, y, u, v = (shifted(set_of_points[:, axis], move[:, axis]).reshape(-1) for axis in COLUMNS)
-            points, normals = places.sample(np.repeat(these, count), x, y)
-            towards = light.sample(points, normals, np.stack([u, v], axis=-1))
-            weight = towards.weight
-            lit = np.flatnonzero(weight > 0)
-            free = np.zeros(len(weight), bool)
-            if len(lit):
-                reach = np.minimum(towards.distance[lit], np.float32(1e30)) * np.float32(1 - SHORTEN)
-                free[lit] = ~self.geometry.visibility.occluded(points[lit], towards.direction[lit], reach)
-            seen = np.where(free, weight, 0).reshape(-1, count)
-            weight = weight.reshape(-1, count)
-            run.count(len(lit))
-            closed = self._closed(light, points, normals, count)
-            return _Sums(weight.sum(1), seen.sum(1), (weight > 0).sum(1), (seen > 0).sum(1), closed)
-
-        parts = run.map(work, slices(len(rows), max(1, CHUNK_RAYS // count)))
-        return _Sums(*(np.concatenate([getattr(part, name) for part in parts]) for name in _Sums.NAMES))
-
-
-class _Sums:
-    """Sums over the shadow rays of some footprints towards one lamp."""
-
-    NAMES = ("weight", "seen", "tried", "met", "closed")
-
-    def __init__(self, weight: Float, seen: Float, tried: Int, met: Int, closed: Float) -> None:
-        self.weight, self.seen, self.tried, self.met, self.closed = weight, seen, tried, met, closed
-
-    @property
-    def level(self) -> Float:
-        """Unoccluded irradiance over the lamp's colour."""
-        return np.where(np.isnan(self.closed), self.weight / np.maximum(self.tried, 1), self.closed)
-
-    def take(self, index: Int) -> _Sums:
-        """The sums of some of the footprints."""
-        return _Sums(*(getattr(self, name)[index] for name in self.NAMES))
-
-    def plus(self, other: _Sums) -> _Sums:
-        """Sums over both sets of rays."""
-        return _Sums(self.weight + other.weight, self.seen + other.seen, self.tried + other.tried,
-                     self.met + other.met, self.closed)
-
-
-def _ratio(sums: _Sums, count: int) -> tuple[Float, Float]:
-    """The irradiance over the lamp's colour, and the standard deviation of a single ray's estimate of it."""
-    part = sums.seen / np.maximum(sums.weight, np.float32(1e-30))
-    mean = sums.seen / count
-    value = np.where(np.isnan(sums.closed), mean, sums.closed * part)
-    spread = sums.level * np.sqrt(np.clip(part * (1 - part), 0, 0.25))
-    return np.asarray(value, np.float32), np.asarray(spread, np.float32)
-
-
-def _doubtful(sums: _Sums, rows: Int, count: int, neighbours: Int | None) -> NDArray[np.bool_]:
-    """Footprints whose rays, or whose neighbours' rays, did not all agree; and all of a lamp without closed form."""
-    doubt = np.asarray((sums.met > 0) & (sums.met < sums.tried) | np.isnan(sums.closed))
-    if neighbours is None:
-        return doubt
-    # 0: not asked, 1: all free, 2: none free, 3: mixed
-    state = np.zeros(count + 1, np.int8)
-    state[rows] = np.where(doubt, 3, np.where(sums.tried == 0, 0, np.where(sums.met > 0, 1, 2)))
-    around = state[neighbours[rows]]
-    own = state[rows][:, None]
-    return np.asarray(doubt | (((around != own) & (around > 0)).any(axis=1) & (sums.tried > 0)))
-
-
-class _Choice:
-    """Which footprints look at which lamp, and with what factor."""
-
-    def __init__(self, direct: DirectLight, places: Footprints, run: Run, small_share: float) -> None:
-        self._direct, self._places, self._run = direct, places, run
-        self._all = np.arange(len(places))
-        self._few = len(direct.lights) <= FEW_LAMPS
-        if not self._few:
-            self._floor = small_share * sum(self._given(number) for number in range(len(direct.lights)))
-            self._passed = uniform(places.identity, 99, direct.seed).astype(np.float64)
-
-    def _given(self, number: int) -> Float:
-        light = self._direct.lights[number]
-        brightness = np.float32(np.mean(light.colour))
-
-        def work(part: slice) -> Float:
-            given = self._direct.unoccluded(light, self._places, self._all[part])
-            if np.isnan(given).any():
-                given = self._estimate(light, part)
-            return np.asarray(given * brightness)
-
-        return np.concatenate(self._run.map(work, slices(len(self._all), CHUNK_RAYS // 8)))
-
-    def _estimate(self, light: Light, part: slice) -> Float:
-        """A lamp without closed form: the mean weight of a few samples."""
-        rows = np.repeat(self._all[part], PILOT_RAYS)
-        half = np.full(len(rows), 0.5, np.float32)
-        points, normals = self._places.sample(rows, half, half)
-        uv = np.tile(kronecker(PILOT_RAYS, 2), (len(rows) // PILOT_RAYS, 1))
-        return np.asarray(light.sample(points, normals, uv).weight.reshape(-1, PILOT_RAYS).mean(axis=1))
-
-    def rows(self, number: int) -> tuple[Int, Float]:
-        """The footprints that look at a lamp, and one over the probability that they do."""
-        if self._few:
-            return self._all, np.ones(len(self._all), np.float32)
-        given = self._given(number)
-        probability = np.minimum(given / np.maximum(self._floor, 1e-30), 1.0)
-        before = np.floor(self._passed)
-        self._passed += probability
-        kept = np.flatnonzero((np.floor(self._passed) > before) & (probability > 0))
-        return kept, np.asarray(1 / probability[kept], np.float32)
+    return found

@@ -80,6 +80,11 @@ class MeshEmitter:
         """(3,) float32: the flux of one side / pi."""
         return self._pieces.colour
 
+    @property
+    def normals(self) -> Float:
+        """(k, 3) float32: unit normals of its flat pieces; zero for one without area."""
+        return self._pieces.normal
+
     def power(self) -> Float:
         """(3,) float32: flux that leaves the triangles, W, of both sides if both shine."""
         return np.asarray(self.colour * np.float32(2 * np.pi if self.two_sided else np.pi))
