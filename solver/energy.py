@@ -36,7 +36,7 @@ class EnergyBalance:
 
 def energy_balance(transport: Transport) -> EnergyBalance:
     """Add up the solved patches."""
-    area = transport.cells.area(transport.cells.side)
+    area = _solid_area(transport)
     count = len(transport.patches)
     patch = transport.cell_patch
     size = np.bincount(patch, area, count)
@@ -57,3 +57,12 @@ def energy_balance(transport: Transport) -> EnergyBalance:
         free[rows.patch] = (rows.hits == NOTHING).mean(axis=1)
     part = [float(values[solved].sum()) for values in (emission + landed + sky, absorbed, leaving * free)]
     return EnergyBalance(*part)
+
+
+def _solid_area(transport: Transport) -> Float:
+    """(cells,) m2 of every met side of a cell, less what lets light through: the opacity in its middle counts."""
+    side = transport.cells.side
+    area = np.asarray(transport.cells.area(side))
+    third = np.full(len(side), 1 / 3, np.float32)
+    triangle, u, v, _ = transport.cells.places(side, third, third)
+    return area * transport.geometry.opacity(triangle, u, v)
