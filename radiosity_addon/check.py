@@ -51,6 +51,7 @@ class Findings:
 def find(scene: Any, view_layer: Any, settings: Settings) -> Findings:
     """Look at everything; nothing is changed."""
     warnings: Warnings = []
+    view_layer.update()  # objects that were just made are not listed before
     check_lights(view_layer, warnings)
     check_images(_materials(view_layer), warnings)
     try:

@@ -86,7 +86,7 @@ def distorted_parts(positions: Float, uv: Float) -> tuple[float, float, float]:
     ratio, density = stretch(positions, uv)
     lost = density == 0
     order = np.argsort(density)
-    usual = density[order][np.searchsorted(np.cumsum(area[order]), whole / 2)]
+    usual = density[order][min(np.searchsorted(np.cumsum(area[order]), whole / 2, side="right"), len(area) - 1)]
     stretched = (ratio > STRETCHED) & ~lost
     coarse = (density < COARSE * usual) & ~lost & ~stretched
     return tuple(float(area[rows].sum() / whole) for rows in (stretched, coarse, lost))  # type: ignore[return-value]
