@@ -43,7 +43,8 @@ class RADIOSITY_PG_settings(bpy.types.PropertyGroup):
         name="Resolution", description="Pixels a side of each image; 0 sizes images by density", default=0, min=0,
         max=MAX_RESOLUTION)
     texel_density: FloatProperty(  # type: ignore[valid-type]
-        name="Texel Density", description="Pixels per meter; 0 fills the pages", default=0.0, min=0.0, max=1e6)
+        name="Texel Density", description="Pixels per meter, as Blender shows lengths; 0 fills the pages",
+        default=0.0, min=0.0, max=1e6)
     max_pages: IntProperty(  # type: ignore[valid-type]
         name="Max Pages", description="Most images of a shared atlas", default=1, min=1, max=1024)
     atlas: EnumProperty(  # type: ignore[valid-type]
@@ -53,7 +54,7 @@ class RADIOSITY_PG_settings(bpy.types.PropertyGroup):
     quantity: EnumProperty(  # type: ignore[valid-type]
         name="Quantity", description="What a pixel says", default="radiance",
         items=[("radiance", "Radiance", "Irradiance over pi, as Cycles' diffuse bake without color"),
-               ("irradiance", "Irradiance", "W/m2"), ("illuminance", "Illuminance", "lux"),
+               ("irradiance", "Irradiance", "W/m2"), ("illuminance", "Illuminance", "lux, at 683 lm/W"),
                ("radiosity", "Radiosity", "Light that leaves the surface, W/m2")])
     passes: EnumProperty(  # type: ignore[valid-type]
         name="Passes", description="Which light is baked", default="both",
