@@ -2,15 +2,17 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import Any
 
+import bpy
 import numpy as np
 from numpy.typing import NDArray
 
 from ..solver.luminaire import NATURAL, Fade, Falloff
-from . import compat, lamp_render
+from . import compat, lamp_render, node_hash
 from .sockets import Colour, Reader
 from .warn import Warnings, warn
 
@@ -19,6 +21,8 @@ Float = NDArray[np.floating[Any]]
 CODE = "lamp"
 # Relative spread up to which a pattern is the same everywhere: a renderer's rounding.
 EVEN = 1e-3
+# Evaluated trees that are remembered, so that looking again at a scene that has not changed renders nothing.
+MOST_KEPT = 256
 FADES: dict[str, Fade] = {"Quadratic": "quadratic", "Linear": "linear", "Constant": "constant"}
 
 
@@ -37,6 +41,8 @@ class LampEmission:
 
 
 Emissions = dict[str, LampEmission]
+# Evaluated trees, and what was to be told of them, by their digests.
+_kept: dict[str, tuple[LampEmission, tuple[str, ...]]] = {}
 
 
 def read_emissions(lights: Iterable[Any], warnings: Warnings) -> Emissions:
@@ -69,36 +75,61 @@ def _read(data: Any, warnings: Warnings) -> LampEmission:
         strength = reader.number(source.node.inputs["Strength"])
         if not reader.guessed and colour.image is None:
             return LampEmission(np.array(colour.factor) * strength, None, falloff)
-    if data.type == "AREA":
-        return _face(data, falloff, reader)
-    return _pattern(data, falloff, reader)
+    emission, messages = _evaluated(data, falloff)
+    for message in messages:
+        reader.warn(message)
+    return emission
 
 
-def _pattern(data: Any, falloff: Falloff, reader: _LampReader) -> LampEmission:
+def _evaluated(data: Any, falloff: Falloff) -> tuple[LampEmission, tuple[str, ...]]:
+    """A lamp's nodes as Cycles evaluates them, from memory if it has, and what to tell of them."""
+    key = f"{data.type} {node_hash.tree_digest(data.node_tree)} {_profiles(data.node_tree)}"
+    if key not in _kept:
+        if len(_kept) >= MOST_KEPT:
+            _kept.clear()
+        _kept[key] = (_face if data.type == "AREA" else _pattern)(data, falloff)
+    return _kept[key]
+
+
+def _profiles(tree: Any) -> list[Any]:
+    """The IES profiles of a tree: texts by what is in them, files by their time."""
+    found: list[Any] = []
+    for node in tree.nodes:
+        if node.bl_idname == "ShaderNodeGroup" and node.node_tree is not None:
+            found += _profiles(node.node_tree)
+        elif node.bl_idname == "ShaderNodeTexIES":
+            path = bpy.path.abspath(node.filepath)
+            found.append(node.ies.as_string() if node.mode == "INTERNAL" and node.ies is not None else
+                         (path, os.path.getmtime(path) if os.path.isfile(path) else 0.0))
+    return found
+
+
+def _pattern(data: Any, falloff: Falloff) -> tuple[LampEmission, tuple[str, ...]]:
     """A point, spot or sun lamp's nodes as Cycles evaluates them."""
+    messages: list[str] = []
     seen, distance = lamp_render.intensity_pattern(data)
     if not np.isfinite(seen).all():
-        reader.warn("its nodes give light that is not finite in some directions: it counts as none there")
+        messages.append("its nodes give light that is not finite in some directions: it counts as none there")
         seen = np.nan_to_num(seen, nan=0.0, posinf=0.0, neginf=0.0)
     pattern = np.maximum(seen / np.maximum(falloff.factor(distance), np.float32(1e-30))[..., None], 0)
     if data.type == "SUN":
         # Its light leaves along -z alone.
         below = pattern[0].mean(axis=0)
-        return LampEmission(below.astype(np.float64))
+        return LampEmission(below.astype(np.float64)), tuple(messages)
     peak = pattern.max(axis=(0, 1)).astype(np.float64)
     if (np.ptp(pattern, axis=(0, 1)) <= EVEN * peak.max()).all():
-        return LampEmission(pattern.mean(axis=(0, 1)).astype(np.float64), None, falloff)
-    return LampEmission(peak, pattern / np.where(peak > 0, peak, 1).astype(np.float32), falloff)
+        return LampEmission(pattern.mean(axis=(0, 1)).astype(np.float64), None, falloff), tuple(messages)
+    return LampEmission(peak, pattern / np.where(peak > 0, peak, 1).astype(np.float32), falloff), tuple(messages)
 
 
-def _face(data: Any, falloff: Falloff, reader: _LampReader) -> LampEmission:
+def _face(data: Any, falloff: Falloff) -> tuple[LampEmission, tuple[str, ...]]:
     """An area lamp's nodes as Cycles evaluates them, the mean over its face."""
     seen = np.maximum(np.nan_to_num(lamp_render.face_pattern(data), nan=0.0, posinf=0.0, neginf=0.0), 0)
     # The picture is taken from a distance of 1 m.
     mean = seen.mean(axis=(0, 1)).astype(np.float64) / float(falloff.factor(np.ones(1))[0])
-    if (np.ptp(seen, axis=(0, 1)) > EVEN * seen.max()).any():
-        reader.warn("its light differs from place to place over its face: its mean colour is baked all over it")
-    return LampEmission(mean, None, falloff)
+    varies = (np.ptp(seen, axis=(0, 1)) > EVEN * seen.max()).any()
+    told = ("its light differs from place to place over its face: its mean colour is baked all over it",) * bool(varies)
+    return LampEmission(mean, None, falloff), told
 
 
 def _falloff(data: Any, reader: _LampReader) -> Falloff:

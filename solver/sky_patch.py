@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -43,7 +44,6 @@ class SkyPatch:
     row: Int
     share: Float
     fluence: Float
-    _table: _Table = field(init=False, repr=False)
 
     def __post_init__(self) -> None:
         direction, share = np.array(self.direction, np.float64), np.array(self.share, np.float64)
@@ -52,8 +52,12 @@ class SkyPatch:
                              "or there is no light: give (k, 3) and (k,), k > 0")
         if not (np.isfinite(direction).all() and np.isfinite(share).all()) or share.min() < 0:
             raise SceneError(f"lamp {self.name!r}: a direction or share is negative or not finite")
-        put(self, fluence=spectrum(self.name, "fluence", self.fluence))
-        put(self, _table=_Table(direction, np.array(self.across), np.array(self.along), np.array(self.row), share))
+        put(self, fluence=spectrum(self.name, "fluence", self.fluence), direction=direction, share=share,
+            across=np.array(self.across, np.float64), along=np.array(self.along, np.float64), row=np.array(self.row))
+
+    @cached_property
+    def _table(self) -> _Table:
+        return _Table(self.direction, self.across, self.along, self.row, self.share)
 
     @property
     def colour(self) -> Float:
