@@ -181,6 +181,9 @@ class Reader:
         if node.outputs["Alpha"].is_linked and node.image.alpha_mode in ASSOCIATED:
             # Cycles then divides the colour by alpha, and leaves it multiplied where alpha is not asked for.
             self.guess(f"image {node.image.name!r} gives its alpha too: its colour is used as it is stored")
+        if node.image.is_float and node.image.alpha_mode == "STRAIGHT" and node.image.channels == 4:
+            # Some versions of Cycles multiply it by alpha once more.
+            self.guess(f"image {node.image.name!r} has floats with straight alpha: its colour is used as it is stored")
         if node.image.source == "TILED":
             self.guess(f"image {node.image.name!r} has UDIM tiles: the first alone is used")
         uv_map, matrix = self._coordinates(node.inputs["Vector"])

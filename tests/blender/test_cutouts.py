@@ -2,7 +2,7 @@
 
 The receiver is a square of 1 m at z = 0 with 8 x 8 lumels; a plate of the same size hovers .3 m above it, whose alpha
 is the case's. A square lamp shines from z = 2 m. Cycles bakes the direct diffuse light without colour, 4,096 samples;
-ours is the mean over as many shadow rays to points of the lamp from the middle half of each lumel.
+ours is the mean over as many shadow rays to points of the lamp, from the part of each lumel that Cycles samples.
 """
 
 from __future__ import annotations
@@ -22,6 +22,8 @@ from radiosity.solver.settings import Settings
 SIDE = 8
 SAMPLES = 4096
 TOLERANCE = 0.01
+# Part of a lumel, each way, that Cycles' samples are spread over.
+FOOTPRINT = 0.5 if bpy.app.version < (5, 2) else 1.0
 # Mean irradiance of the receiver without a plate, W/m2.
 OPEN = 6.8
 
@@ -81,7 +83,7 @@ def ours(scene: Scene) -> np.ndarray:
     numbers = (np.tile(kronecker(SAMPLES, 4), (SIDE * SIDE, 1)) + 0.37 * index[:, None]) % 1
     middle = np.stack([index % SIDE, index // SIDE], axis=1) + 0.5
     points = np.zeros((len(index), 3), np.float32)
-    points[:, :2] = (middle + (numbers[:, 2:] - 0.5) / 2) / SIDE
+    points[:, :2] = (middle + (numbers[:, 2:] - 0.5) * FOOTPRINT) / SIDE
     points = (points - scene.origin).astype(np.float32)
     normals = np.broadcast_to(np.array([0, 0, 1], np.float32), points.shape)
     towards = lamp.sample(points, normals, numbers[:, :2].astype(np.float32))

@@ -23,6 +23,11 @@ def export(warnings: list[dict[str, Any]]) -> Scene:
     return export_scene(bpy.context.scene, bpy.context.view_layer, Settings(), warnings).scene
 
 
+def opaque(value: float, side: int = 4) -> np.ndarray:
+    """(side, side, 4) of one grey, alpha 1."""
+    return np.concatenate([np.full((side, side, 3), value), np.ones((side, side, 1))], axis=2)
+
+
 def unwrap_square(square: Any, scale: float = 1.0) -> None:
     layer = square.data.uv_layers.new(name="Paint")
     layer.uv.foreach_set("vector", np.array([v.co.xy for v in square.data.vertices], np.float32).ravel() * scale)
@@ -107,7 +112,7 @@ def test_a_float_image_is_linear_already(build):
     # A float image of .25 everywhere. Exact answer: reflectance .25.
     build.sun()
     square = build.mesh("Square", material=build.textured("Matt", build.image(
-        "Quarter", np.full((4, 4, 4), 0.25), is_float=True)))
+        "Quarter", opaque(0.25), is_float=True)))
     unwrap_square(square)
     scene = export([])
     assert Geometry(scene).reflectance(*hit(scene, 0.3, 0.6)) == pytest.approx(0.25, abs=1e-4)
@@ -116,8 +121,8 @@ def test_a_float_image_is_linear_already(build):
 def test_a_mapping_node_moves_the_image(build):
     # Two halves, .2 left and .6 right, moved by half an image. Exact answer: .6 left.
     build.sun()
-    pixels = np.full((8, 8, 4), 0.2)
-    pixels[:, 4:] = 0.6
+    pixels = opaque(0.2, 8)
+    pixels[:, 4:, :3] = 0.6
     material = build.textured("Moved", build.image("Halves", pixels, is_float=True))
     tree = material.node_tree
     image = next(node for node in tree.nodes if node.bl_idname == "ShaderNodeTexImage")
@@ -171,7 +176,7 @@ def test_a_lamp_of_glass_keeps_its_light(build):
 def test_an_image_times_a_colour_is_read_through_the_mix_node(build):
     # An image of .5 multiplied by (.2, .4, .8), as glTF imports have it. Exact answer: (.1, .2, .4).
     build.sun()
-    material = build.textured("Tinted", build.image("Half", np.full((4, 4, 4), 0.5), is_float=True))
+    material = build.textured("Tinted", build.image("Half", opaque(0.5), is_float=True))
     tree = material.node_tree
     image = next(node for node in tree.nodes if node.bl_idname == "ShaderNodeTexImage")
     mix = tree.nodes.new("ShaderNodeMix")
