@@ -6,6 +6,7 @@ stage, pages ([width, height] each), passes, samples or seconds, seed, threads, 
 
 from __future__ import annotations
 
+import contextlib
 import json
 import os
 import threading
@@ -18,6 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from . import cycles
+from .compare_materials import LUMELS, REFLECTANCE, TEXTURE, TwinMaterials
 from .compare_twin import GEOMETRY, LAMPS
 
 Float = NDArray[np.floating[Any]]
@@ -25,8 +27,6 @@ Float = NDArray[np.floating[Any]]
 REFERENCES, STATUS = "references.npz", "status.json"
 CYCLES_VIEW, BAKED_VIEW = "cycles.npy", "baked.npy"
 LIGHTMAPS = "ours.npz"
-# Layers of the twin's mesh: where lumels lie, where textures lie, and the reflectance.
-LUMELS, TEXTURE, REFLECTANCE = "lumels", "texture", "reflectance"
 # A first bake warms up; the second, of so many samples, tells how long a sample takes.
 PILOT_SAMPLES = 8
 # Sample 0 of a lumel is its centre in every bake: fewer samples than this lean to it.
@@ -90,7 +90,8 @@ def _tell(folder: Path, stage: str, expected: float) -> None:
     """Let the program that waits know what is done now, and for how many seconds."""
     beside = folder / f"{STATUS}.part"
     beside.write_text(json.dumps({"stage": stage, "expected": expected}), encoding="utf-8")
-    os.replace(beside, folder / STATUS)
+    with contextlib.suppress(PermissionError):  # Windows, while the other program reads it
+        os.replace(beside, folder / STATUS)
 
 
 class Twin:
@@ -104,7 +105,7 @@ class Twin:
             arrays = {name: archive[name] for name in archive.files}
         self.images = [bpy.data.images.new(f"page {index}", *size, alpha=True, float_buffer=True, is_data=True)
                        for index, size in enumerate(job["pages"])]
-        self._materials = _Materials(arrays, self.images)
+        self._materials = TwinMaterials(arrays, self.images)
         baked = arrays["page"] >= 0
         self.receiver = self._mesh("receivers", arrays, np.flatnonzero(baked))
         if not baked.all():
@@ -191,7 +192,11 @@ class Twin:
         made = bpy.data.objects.new(name, mesh)
         made.location = arrays["origin"]
         # Both of Cycles' cures for shadows on coarse smooth meshes move rays off the surface: no transport, so off.
-        made.shadow_terminator_geometry_offset = made.shadow_terminator_normal_offset = 0.0
+        # Before Blender 5 they were Cycles' own settings.
+        holder = made if hasattr(made, "shadow_terminator_geometry_offset") else made.cycles
+        holder.shadow_terminator_geometry_offset = 0.0
+        if hasattr(holder, "shadow_terminator_normal_offset"):
+            holder.shadow_terminator_normal_offset = 0.0
         self.scene.collection.objects.link(made)
         return made
 
@@ -203,111 +208,6 @@ def _split(vertices: Float, triangles: NDArray[np.int32], normals: Float) -> tup
     first, corner = np.unique(key, axis=0, return_index=True, return_inverse=True)[1:]
     used = triangles.reshape(-1)[first]
     return np.ascontiguousarray(vertices[used]), corner.reshape(-1, 3).astype(np.int32)
-
-
-class _Materials:
-    """The twin's materials: a diffuse surface of the mesh's reflectance times a texture, and what it emits."""
-
-    def __init__(self, arrays: dict[str, NDArray[Any]], pages: list[Any]) -> None:
-        self._rows, self._pages = arrays["materials"], pages
-        self._textures: dict[int, Any] = {}
-        self._pixels = {int(name.rpartition("_")[2]): value for name, value in arrays.items()
-                        if name.startswith("texture_")}
-        self._made = {index: self._make(index) for index in range(len(self._rows))}
-
-    def __getitem__(self, index: int) -> Any:
-        return self._made[index]
-
-    def _make(self, index: int) -> Any:
-        emission, reflectance_texture, emission_texture, page = np.split(self._rows[index], [3, 4, 5])
-        material = bpy.data.materials.new(f"twin {index}")
-        if material.node_tree is None:
-            material.use_nodes = True
-        tree = material.node_tree
-        tree.nodes.clear()
-        output = tree.nodes.new("ShaderNodeOutputMaterial")
-        diffuse = tree.nodes.new("ShaderNodeBsdfDiffuse")
-        diffuse.inputs["Roughness"].default_value = 0.0
-        tree.links.new(self._colour(tree, int(reflectance_texture[0])), diffuse.inputs["Color"])
-        surface = diffuse.outputs["BSDF"]
-        if emission.any():
-            surface = _added(tree, surface, self._emission(tree, emission, int(emission_texture[0])))
-        tree.links.new(surface, output.inputs["Surface"])
-        if page[0] >= 0:
-            node = tree.nodes.new("ShaderNodeTexImage")
-            node.name, node.image = "page", self._pages[int(page[0])]
-            tree.nodes.active = node
-        return material
-
-    def _colour(self, tree: Any, texture: int) -> Any:
-        """The output that says how much a surface reflects."""
-        attribute = tree.nodes.new("ShaderNodeAttribute")
-        attribute.name, attribute.attribute_name = "reflectance", REFLECTANCE
-        if texture < 0:
-            return attribute.outputs["Color"]
-        product = tree.nodes.new("ShaderNodeVectorMath")
-        product.operation, product.name = "MULTIPLY", "colour"
-        tree.links.new(attribute.outputs["Color"], product.inputs[0])
-        tree.links.new(self._texture(tree, texture), product.inputs[1])
-        return product.outputs[0]
-
-    def _emission(self, tree: Any, colour: Float, texture: int) -> Any:
-        """The output of an Emission shader: radiance `colour`, times a texture where there is one."""
-        node = tree.nodes.new("ShaderNodeEmission")
-        # A colour above 1 counts as it stands.
-        node.inputs["Strength"].default_value = 1.0
-        if texture < 0:
-            node.inputs["Color"].default_value = (*(float(value) for value in colour), 1.0)
-        else:
-            product = tree.nodes.new("ShaderNodeVectorMath")
-            product.operation = "MULTIPLY"
-            product.inputs[0].default_value = [float(value) for value in colour]
-            tree.links.new(self._texture(tree, texture), product.inputs[1])
-            tree.links.new(product.outputs[0], node.inputs["Color"])
-        return node.outputs["Emission"]
-
-    def _texture(self, tree: Any, index: int) -> Any:
-        node, place = tree.nodes.new("ShaderNodeTexImage"), tree.nodes.new("ShaderNodeUVMap")
-        if index not in self._textures:
-            pixels = self._pixels[index]
-            image = bpy.data.images.new(f"texture {index}", pixels.shape[1], pixels.shape[0], float_buffer=True,
-                                        is_data=True)
-            rgba = np.ones((*pixels.shape[:2], 4), np.float32)
-            rgba[..., :3] = pixels
-            image.pixels.foreach_set(rgba.ravel())
-            image.update()
-            self._textures[index] = image
-        node.image, place.uv_map = self._textures[index], TEXTURE
-        tree.links.new(place.outputs["UV"], node.inputs["Vector"])
-        return node.outputs["Color"]
-
-    def show_baked(self) -> None:
-        """Replace the diffuse surface by an emission of lightmap times reflectance; no lightmap, no light."""
-        for material in self._made.values():
-            tree = material.node_tree
-            diffuse = next(node for node in tree.nodes if node.bl_idname == "ShaderNodeBsdfDiffuse")
-            colour, target = diffuse.inputs["Color"].links[0].from_socket, diffuse.outputs["BSDF"].links[0].to_socket
-            shine = tree.nodes.new("ShaderNodeEmission")
-            shine.inputs["Strength"].default_value = 1.0
-            page = tree.nodes.get("page")
-            if page is None:
-                shine.inputs["Color"].default_value = (0.0, 0.0, 0.0, 1.0)
-            else:
-                place, product = tree.nodes.new("ShaderNodeUVMap"), tree.nodes.new("ShaderNodeVectorMath")
-                place.uv_map, product.operation = LUMELS, "MULTIPLY"
-                tree.links.new(place.outputs["UV"], page.inputs["Vector"])
-                tree.links.new(page.outputs["Color"], product.inputs[0])
-                tree.links.new(colour, product.inputs[1])
-                tree.links.new(product.outputs[0], shine.inputs["Color"])
-            tree.links.new(shine.outputs["Emission"], target)
-            tree.nodes.remove(diffuse)
-
-
-def _added(tree: Any, first: Any, second: Any) -> Any:
-    node = tree.nodes.new("ShaderNodeAddShader")
-    tree.links.new(first, node.inputs[0])
-    tree.links.new(second, node.inputs[1])
-    return node.outputs["Shader"]
 
 
 def _empty(scene: Any) -> None:

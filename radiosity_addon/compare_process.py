@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import os
+import re
 import subprocess
 import sys
 import tempfile
@@ -37,7 +38,8 @@ importlib.import_module("radiosity_child.radiosity_addon.compare_child").main(jo
 FAILED = 3
 # Seconds between two looks, and how long a Blender that was asked to end may take.
 TICK, GRACE = 0.1, 2.0
-# Lines of what it said that are looked through for a reason.
+# Python's last word on an error; and how many lines of what was said are looked through for it.
+REASON = re.compile(r"\w+(Error|Exception)\b: ")
 LAST_LINES = 40
 
 Told = Callable[[str, float], None]
@@ -124,5 +126,5 @@ def _end(process: subprocess.Popen[bytes]) -> None:
 def _reason(log: Path, process: subprocess.Popen[bytes]) -> str:
     """The last line of an error in what it said."""
     lines = log.read_text(encoding="utf-8", errors="replace").splitlines()[-LAST_LINES:]
-    errors = [line.strip() for line in lines if "Error" in line]
+    errors = [line.strip() for line in lines if REASON.match(line)]
     return errors[-1] if errors else f"exit code {process.returncode}"
