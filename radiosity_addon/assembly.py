@@ -30,7 +30,7 @@ class Assembly:
         self.warnings = warnings
         self.surfaces: list[Surface] = []
         self._parts: dict[str, list[NDArray[Any]]] = {name: [] for name in (
-            "vertices", "triangles", "normals")}
+            "vertices", "triangles", "normals", "casts_shadow", "seen")}
         self._meshes: dict[int, MeshArrays] = {}
         self.materials = SurfaceMaterials(warnings)
         self._columns: list[Columns] = []
@@ -62,6 +62,8 @@ class Assembly:
         self._put("vertices", positions)
         self._put("triangles", triangles + self._vertex_count)
         self._put("normals", normals)
+        self._put("casts_shadow", np.full(count, item.original.visible_shadow))
+        self._put("seen", np.full(count, item.original.visible_diffuse))
         self._columns.append(self.materials.columns(item, mesh, slot, slots, order))
         lightmap_uv = None
         if binding.receives and self.settings.target == "lightmap" and self.settings.uv_layer is not None:
@@ -79,11 +81,14 @@ class Assembly:
         column = {name: np.concatenate([columns[name] for columns in self._columns]) for name in self._columns[0]}
         # A radiance L that is the same in all directions leaves a surface as exitance pi L.
         column["emission"] = column["emission"] * np.float32(np.pi)
+        # What diffuse rays don't see lights nothing.
+        column["emission"] = column["emission"] * joined["seen"][:, None]
         textures = tuple(self.materials.textures)
         if not textures:
             del column["uv"]
         return Scene(
-            vertices=joined["vertices"], triangles=joined["triangles"],
+            vertices=joined["vertices"], triangles=joined["triangles"], casts_shadow=joined["casts_shadow"],
+            seen=joined["seen"],
             corner_normals=joined["normals"] if self._smooth else None, textures=textures,
             material_names=tuple(self.materials.names), lights=tuple(lights), sky=sky, surfaces=tuple(self.surfaces),
             **column)

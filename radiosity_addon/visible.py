@@ -67,9 +67,9 @@ def shown_meshes(depsgraph: Any, warnings: Warnings) -> list[Shown]:
         if not np.isfinite(matrix).all():
             raise SceneError(f"object {name!r}: its transform is not finite: "
                              "reset location, rotation and scale, or remove the constraint that makes it")
-        if not (original.visible_diffuse and original.visible_shadow):
-            warn(warnings, original.name, "visibility", "is hidden from diffuse or shadow rays, which is not followed: "
-                 "it blocks and reflects light, hide it from renders if it must not")
+        if not original.visible_shadow:
+            warn(warnings, original.name, "visibility", "casts no shadow of lamps, as it is set (Ray Visibility); "
+                 "light of the sky, but for its suns, it stops all the same")
         materials = tuple(slot.material for slot in item.material_slots)
         shown.append(Shown(name, original, instancer, item.data, matrix, materials, random_of(instance),
                            not made_on_the_way))

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .cutouts import CutoutVisibility
+from .ray_kinds import RayKinds
 from .scene import Scene, Texture
 from .visibility import OFFSET, Visibility
 
@@ -57,10 +58,19 @@ class Geometry:
     @cached_property
     def visibility(self) -> Visibility:
         """The rays' side of it."""
+        casts_shadow, seen = np.asarray(self.scene.casts_shadow), np.asarray(self.scene.seen)
+        if casts_shadow.all() and seen.all():
+            return self._visibility_of(np.arange(len(self.corners)))
+        return RayKinds(self._visibility_of(np.flatnonzero(seen)), np.flatnonzero(seen),
+                        self._visibility_of(np.flatnonzero(casts_shadow)))
+
+    def _visibility_of(self, rows: Int) -> Visibility:
+        """Rays against some of the triangles."""
         holed = (np.asarray(self.scene.opacity) < 1) | (np.asarray(self.scene.opacity_texture) >= 0)
-        if holed.any():
-            return CutoutVisibility(self.corners, self.offset, holed, self.opacity)
-        return Visibility(self.corners)
+        if holed[rows].any():
+            return CutoutVisibility(self.corners[rows], self.offset[rows], holed[rows],
+                                    lambda triangle, u, v: self.opacity(rows[triangle], u, v))
+        return Visibility(self.corners[rows])
 
     def point(self, triangle: Int, u: Float, v: Float) -> Float:
         """(n, 3) float32: the point at barycentric (u, v) of each triangle."""

@@ -121,6 +121,7 @@ class Scene:
     uv : (t, 3, 2) float32 texture coordinates, or None.
     textures : images that `reflectance_texture` and `emission_texture` point to.
     opacity : part of the rays that a triangle stops, both ways; the others go on unchanged: a number or (t,).
+    casts_shadow, seen : whether shadow rays towards lamps meet a triangle, and whether gather rays do: bool or (t,).
     reflectance_texture, emission_texture, opacity_texture : (t,) int32 index into `textures`, -1 for none; what the
         texture says is multiplied by `reflectance`, `emission` or `opacity` (of which its first channel counts).
     material : (t,) int32 index into `material_names`, for messages; None where nothing is known.
@@ -144,6 +145,8 @@ class Scene:
     reflectance_texture: NDArray[np.integer[Any]] | None = None
     emission_texture: NDArray[np.integer[Any]] | None = None
     opacity: ArrayLike = 1.0
+    casts_shadow: ArrayLike = True
+    seen: ArrayLike = True
     opacity_texture: NDArray[np.integer[Any]] | None = None
     material: NDArray[np.integer[Any]] | None = None
     material_names: tuple[str, ...] = ()
@@ -184,6 +187,8 @@ class Scene:
         if count and not (0 <= opacity.min() and opacity.max() <= 1):
             raise SceneError(f"opacity runs from {opacity.min():g} to {opacity.max():g}: give values from 0 to 1")
         put("opacity", _frozen(opacity))
+        for name in ("casts_shadow", "seen"):
+            put(name, _frozen(np.array(np.broadcast_to(np.asarray(getattr(self, name), bool), (count,)))))
         for name, limit in (("reflectance_texture", len(self.textures)), ("emission_texture", len(self.textures)),
                             ("opacity_texture", len(self.textures)), ("material", len(self.material_names))):
             value = getattr(self, name)

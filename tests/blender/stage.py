@@ -98,7 +98,7 @@ def lamp(kind, location=(0, 0.3, 2), rotation=(0, 0, 0), scale=(1, 1, 1), **sett
     return made
 
 
-def cycles_irradiance():
+def cycles_irradiance(passes=("DIRECT",)):
     """(2, 56, 3): irradiance of the open and the shaded lumels by Cycles."""
     scene, receiver = bpy.context.scene, bpy.data.objects["Receiver"]
     scene.render.engine = "CYCLES"
@@ -113,7 +113,7 @@ def cycles_irradiance():
     tree.nodes.active.image = image
     bpy.context.view_layer.objects.active = receiver
     receiver.select_set(True)
-    bpy.ops.object.bake(type="DIFFUSE", pass_filter={"DIRECT"}, margin=0)
+    bpy.ops.object.bake(type="DIFFUSE", pass_filter=set(passes), margin=0)
     pixels = np.array(image.pixels[:], np.float64).reshape(SIDE, 2, SIDE, 4)[..., :3]
     return pixels.transpose(1, 0, 2, 3).reshape(2, SIDE * SIDE, 3)[:, LUMELS] * np.pi
 
