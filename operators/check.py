@@ -29,7 +29,8 @@ class RADIOSITY_OT_check(bpy.types.Operator):
     def execute(self, context: Any) -> set[str]:
         """Look, keep what was found for the panel, and report."""
         try:
-            found = find(context.scene, context.view_layer, settings_in(context, parse_options("")))
+            found = find(context.scene, context.view_layer, settings_in(context, parse_options("")),
+                         context.scene.radiosity.apply_modifiers)
         except RadiosityError as error:
             self.report({"ERROR"}, str(error))
             return {"CANCELLED"}

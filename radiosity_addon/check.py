@@ -48,14 +48,14 @@ class Findings:
     failure: RadiosityError | None
 
 
-def find(scene: Any, view_layer: Any, settings: Settings) -> Findings:
-    """Look at everything; nothing is changed."""
+def find(scene: Any, view_layer: Any, settings: Settings, convert: bool = False) -> Findings:
+    """Look at everything; nothing is changed. `convert` as for `export_scene`."""
     warnings: Warnings = []
     view_layer.update()  # objects that were just made are not listed before
     check_lights(view_layer, warnings)
     check_images(_materials(view_layer), warnings)
     try:
-        exported = export_scene(scene, view_layer, settings, warnings)
+        exported = export_scene(scene, view_layer, settings, warnings, convert)
         check_materials(exported.materials, warnings)
         check_meshes(exported.scene, _places(view_layer), warnings)
         lumels = check_layout(exported.scene, exported.settings, warnings)
@@ -73,7 +73,7 @@ def check(request: Request, scene: Any, view_layer: Any) -> int:
     RadiosityError
         What a bake would fail with.
     """
-    found = find(scene, view_layer, request.settings)
+    found = find(scene, view_layer, request.settings, request.apply_modifiers)
     print_warnings(entry for entry in found.warnings if entry["code"] != "error")
     if request.report is not None:
         remove_empty(Request(request.settings, report=request.report).check_writable())

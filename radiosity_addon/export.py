@@ -47,7 +47,8 @@ class Exported:
     materials: tuple[dict[str, Any], ...] = ()
 
 
-def export_scene(scene: Any, view_layer: Any, settings: Settings, warnings: Warnings) -> Exported:
+def export_scene(scene: Any, view_layer: Any, settings: Settings, warnings: Warnings,
+                 convert: bool = False) -> Exported:
     """Read the whole scene.
 
     Parameters
@@ -55,6 +56,7 @@ def export_scene(scene: Any, view_layer: Any, settings: Settings, warnings: Warn
     scene, view_layer : bpy scene, and its layer to bake.
     settings : what to bake.
     warnings : gets what the user should know.
+    convert : whether curves, text and generated instances are baked too, as they will become meshes (`conversion`).
 
     Raises
     ------
@@ -67,18 +69,18 @@ def export_scene(scene: Any, view_layer: Any, settings: Settings, warnings: Warn
         sky, suns = read_world(scene.world, warnings)
         emissions = read_emissions(lamp_data(scene), warnings)
         assembly, bindings, lamps = cycles.with_render_depsgraph(
-            scene, view_layer, lambda depsgraph: _collect(depsgraph, settings, emissions, warnings))
+            scene, view_layer, lambda depsgraph: _collect(depsgraph, settings, emissions, warnings, convert))
         # Only now: Cycles can't bake materials while the dependency graph is handed out, which is a render.
         assembly.materials.evaluate(scene.frame_current)
     return _lit(assembly, bindings, (*lamps, *suns), sky, settings)
 
 
-def _collect(depsgraph: Any, settings: Settings, emissions: Emissions,
-             warnings: Warnings) -> tuple[Assembly, tuple[Binding, ...], tuple[Light, ...]]:
+def _collect(depsgraph: Any, settings: Settings, emissions: Emissions, warnings: Warnings,
+             convert: bool) -> tuple[Assembly, tuple[Binding, ...], tuple[Light, ...]]:
     shown = shown_meshes(depsgraph, warnings)
     if not shown:
         raise NothingToBake("a render of the scene shows no mesh with faces: add one, or make it visible in renders")
-    bindings = choose_receivers(shown, settings, warnings)
+    bindings = choose_receivers(shown, settings, warnings, convert)
     assembly = Assembly(settings, warnings)
     for item, binding in zip(shown, bindings, strict=True):
         assembly.add(item, binding)

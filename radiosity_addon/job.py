@@ -78,7 +78,8 @@ class Job:
         with self._timed("export"):
             self._made = self.request.check_writable()
             scene, layer = self._place()
-            self._exported = export_scene(scene, layer, self.request.settings, self.warnings)
+            self._exported = export_scene(scene, layer, self.request.settings, self.warnings,
+                                          self.request.apply_modifiers)
             self._groups = KeptGroups.of(self._exported.scene, scene, layer, self.request)
         self.progress("export", 1.0)
 
