@@ -33,6 +33,9 @@ spec = importlib.util.spec_from_file_location("radiosity_child", os.path.join(ro
 sys.modules["radiosity_child"] = importlib.util.module_from_spec(spec)
 spec.loader.exec_module(sys.modules["radiosity_child"])
 importlib.import_module("radiosity_child.radiosity_addon.compare_child").main(job)
+if not bpy.app.binary_path:
+    # All is written. As a module, Blender 4.2 may crash when Python tidies up at its end.
+    os._exit(0)
 """
 # Exit code of a Blender whose script failed.
 FAILED = 3
@@ -70,7 +73,7 @@ def run_job(job: dict[str, Any], folder: Path, told: Told, cancelled: Callable[[
     with tempfile.TemporaryDirectory(prefix="radiosity-resources-") as resources, log_path.open("wb") as log:
         # Standard input stays open as long as this program lives; the other one ends when it closes.
         process = subprocess.Popen(_command(path), stdin=subprocess.PIPE, stdout=log, stderr=subprocess.STDOUT,
-                                   env={**os.environ, "BLENDER_USER_RESOURCES": resources})
+                                   env={**os.environ, "BLENDER_USER_RESOURCES": resources, **_temporary(folder)})
         try:
             _watch(process, folder / STATUS, told, cancelled)
         finally:
@@ -86,6 +89,11 @@ def _command(job: Path) -> list[str]:
         return [sys.executable, "-I", "-c", BOOT, str(job)]
     return [bpy.app.binary_path, "--background", "--factory-startup", "-noaudio", "--python-exit-code", str(FAILED),
             "--python-expr", BOOT, "--", str(job)]
+
+
+def _temporary(folder: Path) -> dict[str, str]:
+    """Where the other Blender keeps its own temporary files: they go with ours, however it ends."""
+    return dict.fromkeys(("TMPDIR", "TEMP", "TMP"), str(folder))
 
 
 def _watch(process: subprocess.Popen[bytes], status: Path, told: Told, cancelled: Callable[[], bool]) -> None:
