@@ -23,6 +23,8 @@ Float = NDArray[np.floating[Any]]
 SHEAR = 1e-3
 # Difference of a pattern's channels, relative to its peak, up to which it has one colour.
 ONE_COLOUR = 1e-2
+# Fewer bounces than this that a lamp's light may make are told of; diffuse light of more is faint.
+FEW_BOUNCES = 8
 
 
 def export_lights(depsgraph: Any, warnings: Warnings, emissions: Emissions | None = None) -> tuple[Light, ...]:
@@ -160,9 +162,17 @@ def _lights_diffuse_surfaces(lamp: Any, warnings: Warnings) -> bool:
     if not lamp.visible_diffuse:
         warn(warnings, lamp.name, CODE, "it is hidden from diffuse rays (Ray Visibility): it is left out")
         return False
-    linking = getattr(lamp, "light_linking", None)
-    if linking is not None and (linking.receiver_collection or linking.blocker_collection):
-        warn(warnings, lamp.name, CODE, "it is linked to some objects (Light Linking): it is baked on all")
+    linking = lamp.light_linking
+    if linking.receiver_collection is not None:
+        warn(warnings, lamp.name, CODE, f"it is linked to the objects of {linking.receiver_collection.name!r} (Light "
+             "Linking): it is baked on all objects")
+    if linking.blocker_collection is not None:
+        warn(warnings, lamp.name, CODE, f"its shadows are linked to the objects of {linking.blocker_collection.name!r} "
+             "(Shadow Linking): all objects cast its shadows")
+    bounces = getattr(getattr(lamp.data, "cycles", None), "max_bounces", None)
+    if bounces is not None and bounces < FEW_BOUNCES:
+        warn(warnings, lamp.name, CODE, f"its light is to end after {bounces} bounces (Max Bounces): it is baked with "
+             "all of them")
     return True
 
 

@@ -32,10 +32,18 @@ def test_a_lamp_without_shadows_shines_through_the_plate(stage, kind, settings):
     assert cycles_irradiance()[1].mean() < 0.9 * cycles[1].mean()
 
 
-def test_a_lamp_that_is_linked_is_told_of(stage):
-    bulb = lamp("POINT", energy=5)
-    bulb.light_linking.receiver_collection = bpy.data.collections.new("Some")
-    assert "Light Linking" in warned()[1]
+@pytest.mark.parametrize(("collection", "word"), [("receiver_collection", "Light Linking"),
+                                                 ("blocker_collection", "Shadow Linking")])
+def test_a_lamp_that_is_linked_is_told_of_with_its_collection(stage, collection, word):
+    setattr(lamp("POINT", energy=5).light_linking, collection, bpy.data.collections.new("Some"))
+    message = warned()[1]
+    assert word in message
+    assert "'Some'" in message
+
+
+def test_a_lamp_of_few_bounces_is_told_of(stage):
+    lamp("POINT", energy=5).data.cycles.max_bounces = 2
+    assert "after 2 bounces" in warned()[1]
 
 
 def test_a_lamp_hidden_from_cameras_shines_all_the_same(stage):
