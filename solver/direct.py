@@ -19,15 +19,16 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from .banks import banks
 from .blocks import Blocks
 from .footprints import Footprints
 from .geometry import Geometry
 from .light_bounds import LightBounds
 from .lights import Light
-from .many_lights import CLOSED_FROM, Chooser, Look, Wish, everything
-from .parallel import Run, slices
+from .many_lights import CLOSED_FROM, Chooser, Looks, Wish, everybody
+from .parallel import Run
 from .sampling import kronecker, shifted, shifts
-from .shadow_sums import ShadowSums, doubtful, joined, ratio
+from .shadow_sums import ShadowSums, doubtful, ratio
 from .visibility import SHORTEN
 
 Float = NDArray[np.floating[Any]]
@@ -67,6 +68,9 @@ class DirectLight:
 
     def __init__(self, geometry: Geometry, lights: Sequence[Light], seed: int) -> None:
         self.geometry, self.lights, self.seed = geometry, tuple(lights), seed
+        self._colour = np.array([light.colour for light in self.lights], np.float32).reshape(-1, 3)
+        self._brightness = self._colour.mean(axis=1)
+        self._banks, self._bank, self._place = banks(self.lights)
         self._chooser = Chooser(LightBounds.of(self.lights), seed) if len(self.lights) > FEW_LAMPS else None
 
     def irradiance(self, places: Footprints, run: Run, tolerance: float = 0.0, pilot: int = PILOT_RAYS,
@@ -90,92 +94,100 @@ class DirectLight:
             return total
         wish = Wish(tolerance, pilot, small_share)
         if self._chooser is None:
-            for look in everything(len(places), len(self.lights), wish):
-                self._add(total, [look], places, wish, neighbours, run)
+            for lamp in range(len(self.lights)):
+                self._add(total, everybody(len(places), lamp, wish), places, wish, neighbours, run)
             return total
         regions, blocks, single = Blocks.nested(places, (FINE_REGION if tolerance > 0 else REGION, BLOCK), run)
-        shown = self._chooser.shown(regions, places, lambda *asked: self._attempt(places, *asked, run))
+        shown = self._chooser.shown(regions, places, lambda lamp, rows: self._attempt(places, lamp, rows, run))
         within = np.searchsorted(regions.begin, blocks.begin[:-1], side="right") - 1
         for batch in self._chooser.batches(blocks):
             looks = self._chooser.looks(blocks.take(batch), single, shown[within[batch]], places, wish)
             self._add(total, looks, places, wish, neighbours, run)
         return total
 
-    def _attempt(self, places: Footprints, lamps: Int, runs: Int, rows: Int, run: Run) -> tuple[Float, Float]:
-        """One shadow ray from each of `rows`, towards lamp k from runs[k] to runs[k + 1]: the irradiance that it stands
-        for, were it free, and as it is (n,) W/m2."""
-        def work(job: tuple[int, slice]) -> tuple[Float, Float]:
-            light, part = self.lights[job[0]], job[1]
-            some = rows[part]
-            key = places.identity[some] * np.int64(1_000_003) + np.arange(part.start, part.stop)
-            points, normals = places.sample(some, *shifts(key, 2, self.seed + 7).T)
-            weight, seen = self._shadow(light, points, normals, shifts(key, 2, self.seed + 9), run)
-            brightness = np.float32(np.mean(light.colour))
-            return weight * brightness, seen * brightness
+    def _attempt(self, places: Footprints, lamp: Int, rows: Int, run: Run) -> tuple[Float, Float]:
+        """One shadow ray from each of `rows` to its lamp: the irradiance that it stands for, were it free, and as it is
+        (n,) W/m2."""
+        order, runs = _runs(self._bank[lamp])
+        lamp, rows = lamp[order], rows[order]
 
-        jobs = [(int(lamp), slice(first + part.start, first + part.stop))
-                for lamp, first, last in zip(lamps, runs[:-1], runs[1:], strict=True)
-                for part in slices(last - first, CHUNK_RAYS)]
-        if not jobs:
-            return np.zeros(0), np.zeros(0)
-        given, seen = zip(*run.map(work, jobs), strict=True)
-        return np.concatenate(given), np.concatenate(seen)
+        def work(part: slice) -> tuple[Float, Float]:
+            key = places.identity[rows[part]] * np.int64(1_000_003) + np.arange(part.start, part.stop)
+            points, normals = places.sample(rows[part], *shifts(key, 2, self.seed + 7).T)
+            return self._shadow(lamp[part], points, normals, shifts(key, 2, self.seed + 9), run)
 
-    def _add(self, total: Float, looks: list[Look], places: Footprints, wish: Wish, neighbours: Int | None,
+        pieces = run.map(work, _pieces(runs, CHUNK_RAYS))
+        out = np.zeros((2, len(rows)), np.float32)
+        for column in range(2 if pieces else 0):
+            out[column, order] = np.concatenate([piece[column] for piece in pieces]) * self._brightness[lamp]
+        return out[0], out[1]
+
+    def _add(self, total: Float, looks: Looks, places: Footprints, wish: Wish, neighbours: Int | None,
              run: Run) -> None:
         """Add what lamps give to those who look at them."""
-        sums = self._sums([(look, group, 0, count) for look in looks for count, group in _groups(look)], places, run)
-        first = joined(sums, [_kinds(look) for look in looks])
-        more: list[tuple[Look, Int, int, int]] = []
-        values = []
-        for look, own in zip(looks, first, strict=True):
-            value, spread = ratio(own, look.rays)
-            values.append(value)
-            brightness = float(np.mean(self.lights[look.number].colour))
-            if wish.tolerance > 0 and brightness > 0:
-                doubt = doubtful(own, look.rows, look.rays >= CLOSED_FROM, look.closed, len(total), neighbours)
-                sigma = np.where(doubt, np.maximum(spread, own.level * 0.25), 0) * brightness * look.factor
-                wanted = np.minimum(np.where(sigma > 0, (sigma / wish.tolerance) ** (1 / QMC_RATE), 0), MOST_RAYS)
-                more += [(look, group, start, count) for start, count, group in _steps(look, wanted)]
-        place = {id(look): number for number, look in enumerate(looks)}
-        asked = [(look, group, start, count - start) for look, group, start, count in more]
-        for (look, group, _, count), added in zip(more, self._sums(asked, places, run), strict=True):
-            number = place[id(look)]
-            values[number][group] = ratio(first[number].take(group).plus(added), count)[0]
-        for look, value in zip(looks, values, strict=True):
-            total[look.rows] += (value * look.factor)[:, None] * self.lights[look.number].colour
+        if not len(looks):
+            return
+        # What is alike is worked on together: the same bank, number of rays, and with a closed form or without.
+        order, _ = _runs((self._bank[looks.lamp] << 16 | looks.rays) * 2 + looks.closed)
+        looks = looks.take(order)
+        sums = self._sums(looks, places, np.zeros(len(looks), np.int64), looks.rays, run)
+        value, spread = ratio(sums, looks.rays)
+        if wish.tolerance > 0:
+            doubt = self._doubt(looks, sums, len(total), neighbours)
+            sigma = np.where(doubt, np.maximum(spread, sums.level * 0.25), 0) * (
+                self._brightness[looks.lamp] * looks.factor)
+            wanted = np.minimum(np.where(sigma > 0, (sigma / wish.tolerance) ** (1 / QMC_RATE), 0), MOST_RAYS)
+            some, count = _more(looks.rays, wanted)
+            if len(some):
+                order, _ = _runs(self._bank[looks.lamp[some]] << 32 | count << 16 | looks.rays[some])
+                some, count = some[order], count[order]
+                start = looks.rays[some]
+                added = self._sums(looks.take(some), places, start, count - start, run, ask=False)
+                value[some] = ratio(sums.take(some).plus(added), count)[0]
+        value = value * looks.factor
+        for channel in range(3):
+            total[:, channel] += np.bincount(looks.rows, value * self._colour[looks.lamp, channel], len(total))
 
-    def _sums(self, asked: list[tuple[Look, Int, int, int]], places: Footprints, run: Run) -> list[ShadowSums]:
-        """Sums over shadow rays start ... start + count - 1 of the point set, for some rows of a look each."""
-        def work(job: tuple[int, slice]) -> ShadowSums:
-            look, group, start, count = asked[job[0]]
-            rows = group[job[1]]
-            return self._rays(look.number, places, look.rows[rows], start, count, bool(look.closed[rows[0]]), run)
+    def _doubt(self, looks: Looks, sums: ShadowSums, count: int, neighbours: Int | None) -> NDArray[np.bool_]:
+        """(n,) whether more rays could change what was found, lamp by lamp."""
+        enough = looks.rays >= CLOSED_FROM
+        doubt = np.zeros(len(looks), bool)
+        order, runs = _runs(looks.lamp)
+        for part in runs:
+            these = order[part]
+            doubt[these] = doubtful(sums.take(these), looks.rows[these], enough[these], looks.closed[these], count,
+                                    neighbours)
+        return doubt
 
-        jobs = [(number, part) for number, (_, group, _, count) in enumerate(asked)
-                for part in slices(len(group), max(1, CHUNK_RAYS // count))]
-        done = run.map(work, jobs)
-        parts: list[list[ShadowSums]] = [[] for _ in asked]
-        for (number, _), sums in zip(jobs, done, strict=True):
-            parts[number].append(sums)
-        return [ShadowSums.concatenate(some) for some in parts]
+    def _sums(self, looks: Looks, places: Footprints, start: Int, count: Int, run: Run,
+              ask: bool = True) -> ShadowSums:
+        """Sums over shadow rays start ... start + count - 1 of the point set, for looks in which those that are alike
+        stand together."""
+        def work(part: slice) -> ShadowSums:
+            first = part.start
+            return self._rays(looks.lamp[part], places, looks.rows[part], int(start[first]), int(count[first]),
+                              ask and bool(looks.closed[first]), run)
 
-    def _rays(self, number: int, places: Footprints, rows: Int, start: int, count: int, ask: bool,
+        kinds = ((self._bank[looks.lamp] << 16 | count) << 16 | start) * 2 + looks.closed
+        edges = np.append(np.append(0, np.flatnonzero(np.diff(kinds)) + 1), len(kinds))
+        runs = [slice(first, last) for first, last in zip(edges[:-1], edges[1:], strict=True)]
+        jobs = [part for alike in runs for part in _pieces([alike], max(1, CHUNK_RAYS // int(count[alike.start])))]
+        return ShadowSums.concatenate(run.map(work, jobs))
+
+    def _rays(self, lamp: Int, places: Footprints, rows: Int, start: int, count: int, ask: bool,
               run: Run) -> ShadowSums:
-        light = self.lights[number]
         set_of_points = kronecker(count, 4, start)
-        move = shifts(places.identity[rows], 4, self.seed + 7919 * (number + 1))
+        move = shifts(places.identity[rows] * np.int64(1_000_003) + lamp, 4, self.seed + 7919)
         x, y, u, v = (shifted(set_of_points[:, axis], move[:, axis]).reshape(-1) for axis in COLUMNS)
         points, normals = places.sample(np.repeat(rows, count), x, y)
-        weight, seen = self._shadow(light, points, normals, np.stack([u, v], axis=-1), run)
+        weight, seen = self._shadow(np.repeat(lamp, count), points, normals, np.stack([u, v], axis=-1), run)
         weight, seen = weight.reshape(-1, count), seen.reshape(-1, count)
-        closed = self._closed(light, points, normals, count) if ask and start == 0 else np.full(
-            len(rows), np.nan, np.float32)
+        closed = self._closed(lamp, points, normals, count) if ask else np.full(len(rows), np.nan, np.float32)
         return ShadowSums(weight.sum(1), seen.sum(1), (weight > 0).sum(1), (seen > 0).sum(1), closed)
 
-    def _shadow(self, light: Light, points: Float, normals: Float, uv: Float, run: Run) -> tuple[Float, Float]:
-        """Weights of shadow rays, and the same where something stands between: 0 (n,)."""
-        towards = light.sample(points, normals, uv)
+    def _shadow(self, lamp: Int, points: Float, normals: Float, uv: Float, run: Run) -> tuple[Float, Float]:
+        """Weights of shadow rays to lamps of one bank, and the same where something stands between: 0 (n,)."""
+        towards = self._banks[self._bank[lamp[0]]].sample(points, normals, uv, self._place[lamp])
         weight = towards.weight
         lit = np.flatnonzero(weight > 0)
         seen = np.zeros_like(weight)
@@ -186,36 +198,29 @@ class DirectLight:
         run.count(len(lit))
         return weight, seen
 
-    def _closed(self, light: Light, points: Float, normals: Float, count: int) -> Float:
+    def _closed(self, lamp: Int, points: Float, normals: Float, count: int) -> Float:
         """Closed form over the lamp's colour, the mean over the first few places of each footprint: (n,) float32."""
         some = min(count, CLOSED_SAMPLES)
         index = (np.arange(0, len(points), count)[:, None] + np.arange(some)).reshape(-1)
-        closed = light.irradiance(points[index], normals[index])
-        if closed is None:
-            return np.full(len(points) // count, np.nan, np.float32)
-        channel = int(np.argmax(light.colour))
-        return np.asarray(closed[:, channel].reshape(-1, some).mean(axis=1) / max(float(light.colour[channel]), 1e-30))
+        bank = self._banks[self._bank[lamp[0]]]
+        closed = bank.irradiance(points[index], normals[index], np.repeat(self._place[lamp], some))
+        return np.asarray(closed.reshape(-1, some).mean(axis=1))
 
 
-def _kinds(look: Look) -> Int:
-    """What must be alike for rows to be worked on together: (n,) int."""
-    return 2 * look.rays + look.closed
+def _runs(kind: Int) -> tuple[Int, list[slice]]:
+    """An order in which things of one kind stand together, and the runs of each kind in it."""
+    order = np.argsort(kind, kind="stable")
+    edges = np.append(np.flatnonzero(np.diff(kind[order], prepend=-1)), len(kind))
+    return order, [slice(first, last) for first, last in zip(edges[:-1], edges[1:], strict=True)]
 
 
-def _groups(look: Look) -> list[tuple[int, Int]]:
-    """Rows with the same number of rays, that ask for the closed form or don't."""
-    kinds = _kinds(look)
-    return [(int(kind) // 2, np.flatnonzero(kinds == kind)) for kind in np.unique(kinds)]
+def _pieces(runs: list[slice], size: int) -> list[slice]:
+    """Runs cut into pieces of at most `size`."""
+    return [slice(start, min(start + size, run.stop)) for run in runs for start in range(run.start, run.stop, size)]
 
 
-def _steps(look: Look, wanted: Float) -> list[tuple[int, int, Int]]:
-    """Rows that want more rays than they have, by what they have and what they get: 4, 16, 64 ... times that."""
-    found = []
-    for start, rows in _groups(look):
-        count = 4 * start
-        while count <= 4 * MOST_RAYS:
-            group = rows[(wanted[rows] > count / 4) & (wanted[rows] <= count)]
-            if len(group):
-                found.append((start, count, group))
-            count *= 4
-    return found
+def _more(rays: Int, wanted: Float) -> tuple[Int, Int]:
+    """Which want more rays than they have, and how many they get: 4, 16, 64 ... times as many."""
+    some = np.flatnonzero(wanted > rays)
+    power = np.ceil(np.log(wanted[some] / rays[some]) / np.log(4.0)).astype(np.int64)
+    return some, rays[some] * 4 ** np.maximum(power, 1)

@@ -38,7 +38,7 @@ TRIED_SHARE = 5e-3
 # A lamp that is expected to give less than this part of all light to a block is drawn by chance, whatever the error.
 APART = 1e-3
 # Shadow rays of a region to the lamps that are tried out: for each receiver, in all; and to one lamp at most.
-TRIES, MOST_TRIES = 2.0, 16
+TRIES, MOST_TRIES = 1.0, 16
 # Part of the bound that is added to what is expected: what is found against expectation counts 1 / p times.
 BOUND_PART = 0.02
 # Blocks times lamps that are worked on at once.
@@ -52,25 +52,37 @@ NEAR_RAYS = 4
 # Halvings of the interval that tau lies in.
 HALVINGS = 24
 
-# Receiver, lamp, factor, rays and whether the closed form is asked for: (n,) each.
-_Pairs = tuple[Int, Int, Float, Int, NDArray[np.bool_]]
-# (lamp of each run, its first and last + 1, receivers of all) -> mean weight and mean weight seen, of each receiver.
-Try = Callable[[Int, Int, Int], tuple[Float, Float]]
+# (lamps, receivers) -> the irradiance that one shadow ray stands for, were it free, and as it is: (n,) each.
+Try = Callable[[Int, Int], tuple[Float, Float]]
 
 
 @dataclass(frozen=True, eq=False)
-class Look:
-    """The receivers that look at one lamp.
+class Looks:
+    """Pairs of receiver and lamp.
 
-    rows : (n,) receivers; factor : (n,) float32, one over the probability that each looks; rays : (n,) int of the first
-    look, powers of two; closed : (n,) whether the lamp's closed form is worth asking for.
+    rows, lamp : (n,) receivers and lamps.
+    factor : (n,) one over the probability that the receiver looks at the lamp.
+    rays : (n,) int of the first look, powers of two.
+    closed : (n,) whether the lamp's closed form is worth asking for.
     """
 
-    number: int
     rows: Int
+    lamp: Int
     factor: Float
     rays: Int
     closed: NDArray[np.bool_]
+
+    def __len__(self) -> int:
+        return len(self.rows)
+
+    def take(self, index: Int) -> Looks:
+        """Some of the pairs."""
+        return Looks(*(getattr(self, name)[index] for name in self.__dataclass_fields__))
+
+    @classmethod
+    def join(cls, some: list[Looks]) -> Looks:
+        """All of some."""
+        return cls(*(np.concatenate([getattr(one, name) for one in some]) for name in cls.__dataclass_fields__))
 
 
 @dataclass(frozen=True)
@@ -87,10 +99,10 @@ class Wish:
     small_share: float
 
 
-def everything(count: int, lights: int, wish: Wish) -> list[Look]:
-    """Every receiver looks at every lamp."""
-    rows, ones, rays = np.arange(count), np.ones(count, np.float32), np.full(count, wish.pilot)
-    return [Look(number, rows, ones, rays, ones > 0) for number in range(lights)]
+def everybody(count: int, lamp: int, wish: Wish) -> Looks:
+    """Every receiver looks at a lamp."""
+    return Looks(np.arange(count), np.full(count, lamp), np.ones(count, np.float32), np.full(count, wish.pilot),
+                 np.ones(count, bool))
 
 
 class Chooser:
@@ -126,8 +138,8 @@ class Chooser:
         out[region, lamp] = share
         return out
 
-    def looks(self, blocks: Blocks, single: Blocks, shown: Float, places: Footprints, wish: Wish) -> list[Look]:
-        """Who looks at which lamp, by lamp.
+    def looks(self, blocks: Blocks, single: Blocks, shown: Float, places: Footprints, wish: Wish) -> Looks:
+        """Who looks at which lamp.
 
         Parameters
         ----------
@@ -146,24 +158,24 @@ class Chooser:
         faint = ~close & ~surely
         rest[block[faint], lamp[faint]] = expected[faint]
         rays = _rays(expected[surely], highest[block[surely]], wish)
-        pieces = [self._sure(blocks, block[surely], lamp[surely], rays),
-                  self._close(blocks, single, places, block[close], lamp[close], shown, limit, highest, wish),
-                  self._drawn(blocks, places, rest, limit, highest, wish)]
-        return _by_lamp(*(np.concatenate(columns) for columns in zip(*pieces, strict=True)))
+        return Looks.join([
+            self._sure(blocks, block[surely], lamp[surely], rays),
+            self._close(blocks, single, places, block[close], lamp[close], shown, limit, highest, wish),
+            self._drawn(blocks, places, rest, limit, highest, wish)])
 
     def batches(self, blocks: Blocks) -> list[slice]:
         """Runs of blocks to be handed to `looks` one by one."""
         step = max(1, BATCH_PAIRS // len(self._bounds.strength))
         return [slice(start, min(start + step, len(blocks))) for start in range(0, len(blocks), step)]
 
-    def _sure(self, blocks: Blocks, block: Int, lamp: Int, rays: Int) -> _Pairs:
+    def _sure(self, blocks: Blocks, block: Int, lamp: Int, rays: Int) -> Looks:
         """All receivers of a block look at a lamp."""
         which, place = blocks.members(block)
         closed = self._bounds.wide(blocks, block, lamp) & (rays >= CLOSED_FROM)
-        return blocks.order[place], lamp[which], np.ones(len(which)), rays[which], closed[which]
+        return Looks(blocks.order[place], lamp[which], np.ones(len(which), np.float32), rays[which], closed[which])
 
     def _close(self, blocks: Blocks, single: Blocks, places: Footprints, block: Int, lamp: Int, shown: Float,
-               limit: Float, highest: Float, wish: Wish) -> _Pairs:
+               limit: Float, highest: Float, wish: Wish) -> Looks:
         """Lamps that are near a block are judged anew for each of its receivers."""
         which, place = blocks.members(block)
         lamp, block, rows = lamp[which], block[which], blocks.order[place]
@@ -176,29 +188,22 @@ class Chooser:
         rays = _rays(expected[kept] / chance, highest[block], wish)
         rays = np.where(near, np.maximum(rays, min(NEAR_RAYS, wish.pilot)), rays)
         closed = self._bounds.wide(single, place, lamp) & ((rays >= CLOSED_FROM) | near)
-        return rows, lamp, 1 / chance, rays, closed
+        return Looks(rows, lamp, np.asarray(1 / chance, np.float32), rays, closed)
 
     def _tried(self, blocks: Blocks, places: Footprints, block: Int, lamp: Int, tries: Int, attempt: Try) -> Float:
         """(n,) the part of its light that arrives, for pairs of block and lamp; 1 where there is none."""
-        order = np.argsort(lamp, kind="stable")
-        block, lamp, tries = block[order], lamp[order], tries[order]
         pair = np.repeat(np.arange(len(block)), tries)
         step = np.arange(len(pair)) - (np.cumsum(tries) - tries)[pair]
         first = places.identity[blocks.order[blocks.begin[:-1]]][block][pair]
         part = uniform(first * np.int64(1_000_003) + lamp[pair] * 31 + step, 71, self._seed)
         size = blocks.size[block][pair]
         member = np.minimum(((step + part) / tries[pair] * size).astype(np.int64), size - 1)
-        rows = blocks.order[blocks.begin[:-1][block][pair] + member]
-        lamps = lamp[pair]
-        runs = np.append(np.flatnonzero(np.diff(lamps, prepend=-1)), len(lamps))
-        given, seen = attempt(lamps[runs[:-1]], runs, rows)
-        given, seen = (np.bincount(pair, each, len(order)) for each in (given, seen))
-        out = np.empty(len(order))
-        out[order] = np.divide(seen, given, out=np.ones(len(order)), where=given > 0)
-        return out
+        given, seen = (np.bincount(pair, each, len(block)) for each in attempt(
+            lamp[pair], blocks.order[blocks.begin[:-1][block][pair] + member]))
+        return np.divide(seen, given, out=np.ones(len(block)), where=given > 0)
 
     def _drawn(self, blocks: Blocks, places: Footprints, rest: Float, limit: Float, highest: Float,
-               wish: Wish) -> _Pairs:
+               wish: Wish) -> Looks:
         """Lamps that are drawn by chance, with the probability rest / limit."""
         running = np.cumsum(rest, axis=1, dtype=np.float64) / limit[:, None]
         number = running[:, -1]
@@ -220,7 +225,7 @@ class Chooser:
         rows, block, lamp, expected = rows[good], block[good], lamp[good], expected[good]
         factor = limit[block] / expected
         rays = _rays(limit[block], highest[block], wish)
-        return rows, lamp, factor, rays, np.zeros(len(rows), bool)
+        return Looks(rows, lamp, np.asarray(factor, np.float32), rays, np.zeros(len(rows), bool))
 
 
 def _limit(count: int, block: Int, expected: Float, close: NDArray[np.bool_], rest: Float, wish: Wish) -> Float:
@@ -245,14 +250,5 @@ def _rays(level: Float, highest: Float, wish: Wish) -> Int:
     """Rays of the first look at lamps that give `level`: by the wanted error; or fewer than `pilot` for the lesser."""
     wanted = (level / wish.tolerance) ** (1 / RATE) if wish.tolerance > 0 else wish.pilot * (
         level / np.maximum(highest, 1e-30)) ** (1 / (0.5 + RATE))
-    power = np.ceil(np.log2(np.clip(wanted, 1, wish.pilot)))
+    power = np.round(np.log2(np.clip(wanted, 1, wish.pilot)))
     return np.asarray(np.minimum(2 ** power.astype(np.int64), wish.pilot))
-
-
-def _by_lamp(rows: Int, lamp: Int, factor: Float, rays: Int, closed: NDArray[np.bool_]) -> list[Look]:
-    order = np.argsort(lamp, kind="stable")
-    rows, lamp, factor, rays, closed = (array[order] for array in (rows, lamp, factor, rays, closed))
-    factor = np.asarray(factor, np.float32)
-    bounds = np.append(np.flatnonzero(np.diff(lamp, prepend=-1)), len(lamp))
-    return [Look(int(lamp[first]), rows[first:last], factor[first:last], rays[first:last], closed[first:last])
-            for first, last in zip(bounds[:-1], bounds[1:], strict=True)]

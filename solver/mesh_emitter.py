@@ -124,6 +124,16 @@ class MeshEmitter:
         target += pieces.second[chosen] * second[:, None]
         return aimed(points, normals, target, pieces.normal[chosen], self._sees_backs(points))
 
+    def pieces(self) -> tuple[Float, ...]:
+        """Corner, two sides and normal (k, 3) of its flat pieces; whether each is a parallelogram, the upper limit of
+        its share of the flux in [0, 1], and its exitance over `colour`, (k,) each."""
+        some = self._pieces
+        # Exactly 1 from the last piece on that shines, so that every number below 1 finds one.
+        shares = some.limit.astype(np.float64)
+        shares = np.where(shares >= shares[-1], 1.0, shares)
+        brightness = self.radiance[some.triangle].sum(axis=1) * np.pi / max(float(some.colour.sum()), TINY)
+        return some.corner, some.first, some.second, some.normal, some.square, shares, brightness
+
     def translated(self, offset: Float) -> MeshEmitter:
         """The same triangles, moved by (3,) metres."""
         box = None if self.closed_box is None else self.closed_box + offset

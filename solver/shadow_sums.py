@@ -55,17 +55,6 @@ class ShadowSums:
         return ~np.isnan(self.closed)
 
 
-def joined(sums: Sequence[ShadowSums], kinds: Sequence[Int]) -> list[ShadowSums]:
-    """Sums that were made kind by kind, in the order of the rows again: one for each of `kinds`."""
-    found, done = [], 0
-    for kind in kinds:
-        count = len(np.unique(kind))
-        whole = ShadowSums.concatenate(sums[done:done + count])
-        done += count
-        found.append(whole if count == 1 else whole.take(np.argsort(np.argsort(kind, kind="stable"))))
-    return found
-
-
 def ratio(sums: ShadowSums, count: Int | int) -> tuple[Float, Float]:
     """The irradiance over the lamp's colour, and the standard deviation of a single ray's estimate of it."""
     part = sums.seen / np.maximum(sums.weight, np.float32(1e-30))
