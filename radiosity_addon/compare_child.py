@@ -95,7 +95,7 @@ def _tell(folder: Path, stage: str, expected: float) -> None:
 
 
 class Twin:
-    """The scene in this Blender: two meshes, the user's lamps and world."""
+    """The scene in this Blender: one mesh that is baked and one that is not for each ray visibility, lamps, world."""
 
     def __init__(self, job: dict[str, Any], folder: Path) -> None:
         self.scene = bpy.context.scene
@@ -103,13 +103,20 @@ class Twin:
         _place_stage(self.scene, job["stage"], folder / LAMPS)
         with np.load(folder / GEOMETRY) as archive:
             arrays = {name: archive[name] for name in archive.files}
-        self.images = [bpy.data.images.new(f"page {index}", *size, alpha=True, float_buffer=True, is_data=True)
-                       for index, size in enumerate(job["pages"])]
+        baked, groups = arrays["page"] >= 0, arrays["group"].astype(int)
+        self.pages = len(job["pages"])
+        self.images = {(group, page): bpy.data.images.new(f"page {page} of group {group}", *job["pages"][page],
+                                                          alpha=True, float_buffer=True, is_data=True)
+                       for group, page in np.unique(np.stack([groups, arrays["page"]], 1)[baked], axis=0).tolist()}
         self._materials = TwinMaterials(arrays, self.images)
-        baked = arrays["page"] >= 0
-        self.receiver = self._mesh("receivers", arrays, np.flatnonzero(baked))
-        if not baked.all():
-            self._mesh("others", arrays, np.flatnonzero(~baked))
+        self.receivers = []
+        for group in np.unique(groups).tolist():
+            for receives in (True, False):
+                rows = np.flatnonzero((groups == group) & (baked == receives))
+                if len(rows):
+                    made = self._mesh(f"{'receivers' if receives else 'others'} {group}", arrays, rows)
+                    made.visible_shadow, made.visible_diffuse = bool(group & 1), bool(group & 2)
+                    self.receivers += [made] * receives
         # What was taken out and put in shows in the view layer only from here on.
         bpy.context.view_layer.update()
         cycles.set_up_bake(self.scene)
@@ -120,16 +127,18 @@ class Twin:
         """Bake all pages; the seconds that it took."""
         self.scene.cycles.samples, self.scene.cycles.seed = samples, seed
         started = time.perf_counter()
-        cycles.bake_diffuse(self.receiver, passes)
+        for item in self.receivers:
+            cycles.bake_diffuse(item, passes)
         return time.perf_counter() - started
 
     def pixels(self) -> list[Float]:
         """What was baked last: (height, width, 4) float32 a page, row 0 at the bottom, alpha 1 where Cycles baked."""
-        found = []
-        for image in self.images:
+        found: list[Any] = [0.0] * self.pages
+        for (_, page), image in self.images.items():
             values = np.empty(len(image.pixels), np.float32)
             image.pixels.foreach_get(values)
-            found.append(values.reshape(image.size[1], image.size[0], 4))
+            # Of several groups on a page each has lumels of its own, and nothing elsewhere.
+            found[page] = found[page] + values.reshape(image.size[1], image.size[0], 4)
         return found
 
     def aim(self, job: dict[str, Any]) -> None:
@@ -149,8 +158,8 @@ class Twin:
     def show_baked(self, path: Path) -> None:
         """Let every surface shine by itself with the light that was baked on it, and by nothing else."""
         with np.load(path) as archive:
-            for index, image in enumerate(self.images):
-                pixels = archive[str(index)]
+            for (_, page), image in self.images.items():
+                pixels = archive[str(page)]
                 rgba = np.ones((*pixels.shape[:2], 4), np.float32)
                 rgba[..., :3] = pixels
                 image.pixels.foreach_set(rgba.ravel())

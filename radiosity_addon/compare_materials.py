@@ -17,7 +17,7 @@ LUMELS, TEXTURE, REFLECTANCE = "lumels", "texture", "reflectance"
 class TwinMaterials:
     """The twin's materials: a diffuse surface of the mesh's reflectance times a texture, and what it emits."""
 
-    def __init__(self, arrays: dict[str, NDArray[Any]], pages: list[Any]) -> None:
+    def __init__(self, arrays: dict[str, NDArray[Any]], pages: dict[tuple[int, int], Any]) -> None:
         self._rows, self._pages = arrays["materials"], pages
         self._textures: dict[int, Any] = {}
         self._pixels = {int(name.rpartition("_")[2]): value for name, value in arrays.items()
@@ -28,7 +28,8 @@ class TwinMaterials:
         return self._made[index]
 
     def _make(self, index: int) -> Any:
-        emission, reflectance_texture, emission_texture, page = np.split(self._rows[index], [3, 4, 5])
+        emission, (opacity, *indices) = self._rows[index][:3], self._rows[index][3:].tolist()
+        reflectance_texture, emission_texture, opacity_texture, page, group = (int(value) for value in indices)
         material = bpy.data.materials.new(f"twin {index}")
         if material.node_tree is None:
             material.use_nodes = True
@@ -37,14 +38,16 @@ class TwinMaterials:
         output = tree.nodes.new("ShaderNodeOutputMaterial")
         diffuse = tree.nodes.new("ShaderNodeBsdfDiffuse")
         diffuse.inputs["Roughness"].default_value = 0.0
-        tree.links.new(self._colour(tree, int(reflectance_texture[0])), diffuse.inputs["Color"])
+        tree.links.new(self._colour(tree, reflectance_texture), diffuse.inputs["Color"])
         surface = diffuse.outputs["BSDF"]
         if emission.any():
-            surface = _added(tree, surface, self._emission(tree, emission, int(emission_texture[0])))
+            surface = _added(tree, surface, self._emission(tree, emission, emission_texture))
+        if opacity < 1 or opacity_texture >= 0:
+            surface = self._holed(tree, surface, opacity, opacity_texture)
         tree.links.new(surface, output.inputs["Surface"])
-        if page[0] >= 0:
+        if page >= 0:
             node = tree.nodes.new("ShaderNodeTexImage")
-            node.name, node.image = "page", self._pages[int(page[0])]
+            node.name, node.image = "page", self._pages[group, page]
             tree.nodes.active = node
         return material
 
@@ -74,6 +77,24 @@ class TwinMaterials:
             tree.links.new(self._texture(tree, texture), product.inputs[1])
             tree.links.new(product.outputs[0], node.inputs["Color"])
         return node.outputs["Emission"]
+
+    def _holed(self, tree: Any, surface: Any, opacity: float, texture: int) -> Any:
+        """The output of a surface that lets part of the light go straight on."""
+        clear, mix = tree.nodes.new("ShaderNodeBsdfTransparent"), tree.nodes.new("ShaderNodeMixShader")
+        if texture < 0:
+            mix.inputs["Fac"].default_value = opacity
+        else:
+            product = tree.nodes.new("ShaderNodeMath")
+            product.operation = "MULTIPLY"
+            product.inputs[1].default_value = opacity
+            # The texture's three channels are the same, or its first one counts.
+            first = tree.nodes.new("ShaderNodeSeparateXYZ")
+            tree.links.new(self._texture(tree, texture), first.inputs[0])
+            tree.links.new(first.outputs[0], product.inputs[0])
+            tree.links.new(product.outputs[0], mix.inputs["Fac"])
+        tree.links.new(clear.outputs["BSDF"], mix.inputs[1])
+        tree.links.new(surface, mix.inputs[2])
+        return mix.outputs["Shader"]
 
     def _texture(self, tree: Any, index: int) -> Any:
         node, place = tree.nodes.new("ShaderNodeTexImage"), tree.nodes.new("ShaderNodeUVMap")

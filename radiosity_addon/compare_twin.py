@@ -87,26 +87,35 @@ def _rows(matrix: Any) -> list[list[float]]:
 
 
 def write_geometry(scene: Scene, bake: Bake, folder: Path) -> list[list[int]]:
-    """Write the surfaces to `GEOMETRY`: one mesh that is baked, one that only blocks; each page's [width, height].
+    """Write the surfaces to `GEOMETRY`; each page's [width, height].
 
-    Materials differ by emission, textures and page; reflectance is a colour of the mesh.
+    Materials differ by emission, opacity, textures, page and group; reflectance is a colour of the mesh. A group's
+    triangles have the same ray visibility: bit 0, whether they cast shadows; bit 1, whether bounced light sees them.
     """
     page, layout = layout_of(scene, bake)
     used, triangles = np.unique(scene.triangles, return_inverse=True)
     vertices = (scene.vertices[used] - scene.origin).astype(np.float32)
     emission = np.asarray(scene.emission, np.float32) / np.float32(np.pi)
-    key = np.column_stack([emission, np.asarray(scene.reflectance_texture), np.asarray(scene.emission_texture), page])
+    group = _per_triangle(scene.casts_shadow, page) + 2 * _per_triangle(scene.seen, page)
+    key = np.column_stack([emission, _per_triangle(scene.opacity, page), np.asarray(scene.reflectance_texture),
+                           np.asarray(scene.emission_texture), np.asarray(scene.opacity_texture), page, group])
     materials, material = np.unique(key.astype(np.float32), axis=0, return_inverse=True)
-    # A texture may not be black either; what it is multiplied by is raised with it, and both stay far below 1 %.
-    textures = {f"texture_{index}": np.maximum(texture.pixels, np.float32(LEAST_REFLECTANCE))
+    # A texture of reflectances may not be black either.
+    raised = set(np.unique(np.asarray(scene.reflectance_texture)))
+    textures = {f"texture_{index}": np.maximum(texture.pixels, np.float32(LEAST_REFLECTANCE * (index in raised)))
                 for index, texture in enumerate(scene.textures)}
     np.savez(
         folder / GEOMETRY, vertices=vertices, triangles=triangles.reshape(-1, 3).astype(np.int32),
-        origin=scene.origin, normals=_bent_normals(scene), page=page, layout=layout,
+        origin=scene.origin, normals=_bent_normals(scene), page=page, layout=layout, group=group,
         reflectance=np.maximum(np.asarray(scene.reflectance, np.float32), np.float32(LEAST_REFLECTANCE)),
         uv=scene.uv if scene.uv is not None else np.zeros((len(page), 3, 2), np.float32),
         materials=materials, material=material.reshape(-1).astype(np.int32), **textures)
     return [[lightmap.pixels.shape[1], lightmap.pixels.shape[0]] for lightmap in bake.lightmaps]
+
+
+def _per_triangle(value: Any, page: NDArray[np.int32]) -> Float:
+    """(t,) float32 of a number or (t,) numbers."""
+    return np.array(np.broadcast_to(np.asarray(value, np.float32), page.shape))
 
 
 def _bent_normals(scene: Scene) -> Float:

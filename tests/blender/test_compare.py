@@ -292,7 +292,8 @@ def test_an_error_above_the_wanted_one_ends_with_code_4(compared):
 
 def test_the_operator_compares_any_scene_and_leaves_it_as_it_was(build, tmp_path):
     # A textured floor and a smooth dome under a lamp that only an instance of a collection shows, a parent's scale on
-    # it. Exact answer: Cycles' twin has the same texture, normals and lamp, so both bakes agree; the file is unchanged.
+    # it, and between them a sheet that lets half of the light through and one that casts no shadow. Exact answer:
+    # Cycles' twin has the same of each, so both bakes agree; the file is unchanged.
     from radiosity import operators
 
     floor = build.mesh("Floor", ((-2, -2, 0), (2, -2, 0), (2, 2, 0), (-2, 2, 0)))
@@ -302,6 +303,9 @@ def test_the_operator_compares_any_scene_and_leaves_it_as_it_was(build, tmp_path
     floor.data.uv_layers.new(name="UVMap")
     bpy.ops.mesh.primitive_uv_sphere_add(segments=16, ring_count=8, radius=0.7, location=(0, 0, 0.9))
     bpy.ops.object.shade_smooth()
+    sheet = ((-2, -2, 2), (0, -2, 2), (0, 2, 2), (-2, 2, 2))
+    build.mesh("Veil", sheet, material=build.material("Veil", (0.5, 0.5, 0.5), Alpha=0.5))
+    build.mesh("Ghost", np.add(sheet, (2, 0, 0.2)), material=(0.5, 0.5, 0.5)).visible_shadow = False
     hidden = bpy.data.collections.new("Lamps")
     lamp = bpy.data.objects.new("Lamp", bpy.data.lights.new("Lamp", "AREA"))
     lamp.data.energy, lamp.data.size = 100.0, 0.5
@@ -318,7 +322,7 @@ def test_the_operator_compares_any_scene_and_leaves_it_as_it_was(build, tmp_path
     operators.unregister()
     told = json.loads((tmp_path / "n.json").read_text())
     assert told["page"] == "out/compare.html"
-    assert {row["object"] for row in told["comparison"]["objects"]} == {"Floor", "Sphere"}
+    assert {row["object"] for row in told["comparison"]["objects"]} == {"Floor", "Sphere", "Veil", "Ghost"}
     assert told["comparison"]["ours"]["rms"] < 0.1
     assert abs(told["comparison"]["ours"]["bias"]) < 0.03
 
