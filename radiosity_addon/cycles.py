@@ -176,8 +176,16 @@ def bake_emission(item: Any, uv_map: str, width: int, height: int, frame: int) -
         image.pixels.foreach_get(pixels)
         return pixels.reshape(height, width, 4)
     finally:
-        bpy.data.scenes.remove(scene)
+        remove_scene(scene)
         bpy.data.images.remove(image)
+
+
+def remove_scene(scene: Any) -> None:
+    """Remove a scene of our own that no window shows.
+
+    `bpy.data.scenes.remove` asks for the context's window: Blender 4.3 crashes where there is none, as under `-c`.
+    """
+    bpy.data.batch_remove([scene])
 
 
 @contextmanager
@@ -201,7 +209,7 @@ def _world_scene(world: Any) -> Iterator[Any]:
         set_up_render(scene)
         yield scene
     finally:
-        bpy.data.scenes.remove(scene)
+        remove_scene(scene)
         bpy.data.objects.remove(viewer)
         bpy.data.cameras.remove(camera)
         bpy.data.worlds.remove(copy)

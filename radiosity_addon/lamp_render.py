@@ -120,7 +120,7 @@ def _scene(lamp: Any) -> Iterator[Any]:
         scene.cycles.light_sampling_threshold = 0.0
         yield scene
     finally:
-        bpy.data.scenes.remove(scene)
+        cycles.remove_scene(scene)
         for item in placed:
             bpy.data.objects.remove(item)
         bpy.data.cameras.remove(camera)
