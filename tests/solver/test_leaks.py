@@ -87,6 +87,19 @@ def test_nothing_gets_from_a_lit_room_into_the_dark_one_beside_it(kind, objects)
         assert values[on_the_wall & (facing < -.5)].min() > .05
 
 
+def test_no_chart_goes_on_under_a_wall():
+    # The two rooms with one plane between them as one mesh, and the same without the plane. Exact answer: no chart has
+    # lumels in both rooms; without the wall the floors are one chart.
+    for wall, spans in ((True, False), (False, True)):
+        rooms = _without(box((-3, 0, 0), (0, 2, 2)), EAST) + _without(box((0, 0, 0), (3, 2, 2)), WEST)
+        rooms = rooms + quad((0, 0, 0), (0, 2, 0), (0, 0, 2)) if wall else rooms
+        scene = rooms.scene()
+        laid = lumels(scene, SETTINGS, [])
+        x = laid.receivers.position[:, 0] + scene.origin[0]
+        left, right = set(laid.chart[x < -1e-3].tolist()), set(laid.chart[x > 1e-3].tolist())
+        assert bool(left & right) == spans
+
+
 def test_a_wall_without_thickness_is_lit_on_the_side_that_is_lit():
     # Two squares back to back under a sun that shines straight down with 1 W/m2. Exact answer: 1 / pi on the one that
     # faces up, 0 on the one that faces down.
