@@ -26,7 +26,7 @@ from .errors import SceneError
 
 Float = NDArray[np.floating[Any]]
 
-# Highest exponent: a lobe of .1 degrees; a mirror in all but name, and far beyond what 64 nodes resolve.
+# Highest exponent: a lobe of .1 degrees, a mirror in all but name, and still within the quadrature's five digits.
 MAX_EXPONENT = 1e6
 # Rounding of colours that are meant to add up to 1.
 SUM_TOLERANCE = 1e-6
