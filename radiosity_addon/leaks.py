@@ -67,7 +67,7 @@ def show(scene: Any) -> int:
     view.scale_title = TITLES[view.figure]
     mesh = _squares(table)
     mesh.attributes.new("figure", "FLOAT", "FACE").data.foreach_set("value", np.ascontiguousarray(values, np.float32))
-    scale = false_colour.scale_group(0.0, view.scale_high, view.scale_step)
+    scale = false_colour.scale_group(0.0, view.scale_high, view.scale_step, isolines=False)
     mesh.materials.append(false_colour.material_of_attribute("figure", scale))
     show_only(scene, NAME, mesh)
     return len(table)

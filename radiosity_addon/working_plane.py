@@ -6,6 +6,7 @@ alone say little, for normals of rooms are often flipped.
 
 from __future__ import annotations
 
+import threading
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -55,9 +56,20 @@ class Grid:
 
     def corners(self, cells: NDArray[Any]) -> Float:
         """(cells, 4, 3) corners of some cells, counter-clockwise from above."""
-        row, column = np.divmod(cells, self.count[0])
-        corner = np.stack([column, row], axis=1)[:, None] + np.array([(0, 0), (1, 0), (1, 1), (0, 1)])
+        corner = self._corner(cells)
         return np.concatenate([self.low + corner * self.cell, np.full((len(cells), 4, 1), self.z)], axis=2)
+
+    def at_corners(self, cells: NDArray[Any], values: Float) -> Float:
+        """(cells, 4) values at the corners: the mean of the given cells that meet there."""
+        corner = self._corner(cells)
+        number = (corner[:, :, 1] * (self.count[0] + 1) + corner[:, :, 0]).ravel()
+        total = np.bincount(number, np.repeat(values, 4)) / np.maximum(np.bincount(number), 1)
+        return np.asarray(total[number].reshape(-1, 4))
+
+    def _corner(self, cells: NDArray[Any]) -> NDArray[np.int64]:
+        """(cells, 4, 2) column and row of the corners of some cells."""
+        row, column = np.divmod(cells, self.count[0])
+        return np.asarray(np.stack([column, row], axis=1)[:, None] + np.array([(0, 0), (1, 0), (1, 1), (0, 1)]))
 
 
 def grid_over(low: Float, high: Float, z: float, spacing: float, border: float) -> Grid:
@@ -115,7 +127,7 @@ class PlaneJob(Job):
         """Put the result into the table and the viewport. Raises what the worker raised, or RadiosityError."""
         from . import preview
 
-        self.wait(3600.0)
+        self.wait(threading.TIMEOUT_MAX)
         if self._failure is not None:
             raise self._failure
         assert self._irradiance is not None
@@ -127,7 +139,7 @@ class PlaneJob(Job):
         if not len(cells):
             raise NothingToBake(f"no light reaches the working plane at {self.grid.z:.3g} m: "
                                 "set its height and floor so that it lies in the room")
-        row = Row.of(f"Plane at {self.grid.z:.3g} m", lux[cells], np.full(len(cells), self.grid.cell.prod()))
+        row = Row.of(f"Plane {self.grid.z:.3g} m", lux[cells], np.full(len(cells), self.grid.cell.prod()))
         keep(scene, [row], surfaces=False)
         if scene.radiosity_view.mode != LUX:
             preview.show(scene, LUX, plane=True)
@@ -142,7 +154,8 @@ def _show(scene: Any, grid: Grid, cells: NDArray[Any], lux: Float) -> None:
         bpy.data.objects.remove(item)
         bpy.data.meshes.remove(mesh)
     mesh = leaks.quads(NAME, grid.corners(cells))
-    mesh.attributes.new("lux", "FLOAT", "FACE").data.foreach_set("value", np.ascontiguousarray(lux, np.float32))
+    values = np.asarray(grid.at_corners(cells, lux), np.float32)
+    mesh.attributes.new("lux", "FLOAT", "POINT").data.foreach_set("value", values.ravel())
     view = scene.radiosity_view
     scale = false_colour.scale_group(view.scale_low, view.scale_high, view.scale_step)
     mesh.materials.append(false_colour.material_of_attribute("lux", scale))

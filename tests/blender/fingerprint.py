@@ -14,13 +14,15 @@ import numpy as np
 
 # What changes without anyone changing the file, or says the same as something else that is read.
 LEFT_OUT = {
-    "rna_type", "bl_rna", "session_uid", "is_evaluated", "is_updated", "is_updated_data", "tag", "original", "is_dirty",
-    "depsgraph", "bindcode", "pixels", "preview", "has_data", "is_loaded", "select", "window_managers", "screens",
-    "workspaces", "vertices", "edges", "loops", "polygons", "loop_triangles", "vertex_normals", "polygon_normals",
-    "corner_normals", "loop_triangle_polygons", "uv_layers", "attributes", "color_attributes", "view_layers",
-    "all_objects", "render_slots", "cycles_curves", "keying_sets_all", "device_option_count", "is_saved",
-    "filepath_from_user", "links", "node", "internal_links", "uv_layer_clone", "uv_layer_stencil", "uv",
-    "sequence_editor", "internal_data", "parent_recursive", "children", "children_recursive", "users_collection", "users_scene",
+    "users",
+    "rna_type", "bl_rna", "session_uid", "is_evaluated", "is_updated", "is_updated_data", "tag", "original",
+    "is_dirty", "depsgraph", "bindcode", "pixels", "preview", "has_data", "is_loaded", "select", "window_managers",
+    "screens", "workspaces", "vertices", "edges", "loops", "polygons", "loop_triangles", "vertex_normals",
+    "polygon_normals", "corner_normals", "loop_triangle_polygons", "uv_layers", "attributes", "color_attributes",
+    "view_layers", "all_objects", "render_slots", "cycles_curves", "keying_sets_all", "device_option_count",
+    "is_saved", "filepath_from_user", "tool_settings", "display", "links", "node", "internal_links",
+    "uv_layer_clone", "uv_layer_stencil", "uv", "sequence_editor", "internal_data", "parent_recursive", "children",
+    "children_recursive", "users_collection", "users_scene",
 }
 # Attributes of a mesh that only say what is selected or shown as active in the editor.
 EDITOR = (".select_vert", ".select_edge", ".select_poly", ".corner_edge")
@@ -28,6 +30,22 @@ KINDS = {"FLOAT": ("value", 1), "INT": ("value", 1), "BOOLEAN": ("value", 1), "F
          "FLOAT_COLOR": ("color", 4), "BYTE_COLOR": ("color", 4), "FLOAT2": ("vector", 2), "INT8": ("value", 1),
          "INT32_2D": ("value", 2), "INT16_2D": ("value", 2), "QUATERNION": ("value", 4)}
 DEEPEST = 6
+
+
+def users_are_counted() -> bool:
+    """Whether Blender counts users right when it copies a material: 4.2 counts those of its images and groups twice,
+    until the file is loaded again."""
+    image = bpy.data.images.new("counted", 1, 1)
+    material = bpy.data.materials.new("counted")
+    if material.node_tree is None:
+        material.use_nodes = True
+    material.node_tree.nodes.new("ShaderNodeTexImage").image = image
+    copy = material.copy()
+    right = bool(image.users == 2)
+    for made in (copy, material):
+        bpy.data.materials.remove(made)
+    bpy.data.images.remove(image)
+    return right
 
 
 def fingerprint() -> dict[str, Any]:
@@ -44,6 +62,8 @@ def fingerprint() -> dict[str, Any]:
 
 def differences(before: dict[str, Any], after: dict[str, Any]) -> list[str]:
     """What is not the same, one line each."""
+    if not users_are_counted():
+        before, after = ({name: {**values, "users": None} for name, values in each.items()} for each in (before, after))
     told = [f"{name} is gone" for name in before.keys() - after.keys()]
     told += [f"{name} is new" for name in after.keys() - before.keys()]
     for name in before.keys() & after.keys():
