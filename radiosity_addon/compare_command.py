@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from .compare import Comparison
+from .compare import Compared, Comparison
 from .compare_request import CompareRequest
 from .compare_write import lines_of
 from .job import wait_for
@@ -18,7 +18,7 @@ def compare(request: CompareRequest, scene: Any, view_layer: Any) -> int:
     RadiosityError
         With its exit code.
     """
-    done = wait_for(Comparison(request, scene, view_layer))
+    done: Compared = wait_for(Comparison(request, scene, view_layer))
     for line in lines_of(done.report):
         print(line)
     for label in ("page", "board", "numbers"):

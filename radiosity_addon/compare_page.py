@@ -137,7 +137,8 @@ def _maps(maps: list[Maps], numbers: dict[str, Any]) -> str:
     for one in maps[:MOST_MAPS]:
         there = one.counted.inner | one.counted.edge
         white = pictures.white_of(one.cycles[there])
-        shown = (("ours", pictures.light(one.ours, white)), ("Cycles", pictures.light(one.cycles, white)),
+        shown = (("ours", pictures.map_light(one, one.ours, white)),
+                 ("Cycles", pictures.map_light(one, one.cycles, white)),
                  ("error", pictures.heat_map(one, mean, span)))
         figures = "".join(_figure(picture, f"{one.name}: {what}") for what, picture in shown)
         rows.append(f'<div class="row">{figures}</div>')

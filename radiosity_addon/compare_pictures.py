@@ -64,6 +64,11 @@ def light(values: Float, white: float) -> Bytes:
     return np.asarray(np.rint(coded * 255), np.uint8)[::-1]
 
 
+def map_light(maps: Maps, values: Float, white: float) -> Bytes:
+    """The light of a page without what is spread round its charts, (h, w, 3) bytes, row 0 on top."""
+    return light(np.where(maps.surface[..., None] >= 0, values, 0), white)
+
+
 def white_of(values: Float) -> float:
     """What is shown white."""
     return float(np.percentile(values.max(axis=-1), WHITE_PERCENTILE)) if values.size else 1.0
@@ -136,7 +141,7 @@ def board(maps: list[Maps], numbers: dict[str, Any], lines: list[str]) -> Bytes:
     white = white_of(shown.cycles[shown.counted.inner | shown.counted.edge])
     width = 3 * SIDE + 4 * GAP
     picture = paper(width, SIDE + 34 + CHART[1] + 7 * GAP)
-    panels = (("ours", light(shown.ours, white)), ("Cycles", light(shown.cycles, white)),
+    panels = (("ours", map_light(shown, shown.ours, white)), ("Cycles", map_light(shown, shown.cycles, white)),
               ("error: ours - Cycles, of the mean", heat_map(shown, mean, span)))
     for index, (title, panel) in enumerate(panels):
         x = GAP + index * (SIDE + GAP)
@@ -172,13 +177,13 @@ def chart(points: Points) -> Bytes:
     """Error against seconds, log-log: (420, 640, 3) bytes."""
     picture = paper(*CHART)
     (x0, x1), (y0, y1) = axes_of(points)
-    left, right, top, bottom = 90, CHART[0] - 20, 30, CHART[1] - 50
+    left, right, top, bottom = 90, CHART[0] - 20, 40, CHART[1] - 50
 
     def place(point: tuple[float, float]) -> tuple[float, float]:
         x = left + math.log(point[0] / x0) / math.log(x1 / x0) * (right - left)
         return x, bottom - math.log(point[1] / y0) / math.log(y1 / y0) * (bottom - top)
 
-    draw_text(picture, "relative RMS error", left - 80, 6, INK, 2)
+    draw_text(picture, "relative RMS error", left, 6, INK, 2)
     draw_text(picture, "seconds", right - 84, CHART[1] - 16, INK, 2)
     for power in range(round(math.log10(x0)), round(math.log10(x1)) + 1):
         x = round(place((10.0**power, y0))[0])

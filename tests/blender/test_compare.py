@@ -78,8 +78,8 @@ def compared(tmp_path_factory: pytest.TempPathFactory) -> Compared:
 def save_room(path: Path) -> Path:
     """The room as a .blend, every wall with a UV map that is the whole of its image."""
     bpy.ops.wm.read_factory_settings(use_empty=True)
-    for name, (corner, u, v, colour) in WALLS.items():
-        c, u, v = np.array(corner, float), np.array(u, float), np.array(v, float)
+    for name, (corner, along, up, colour) in WALLS.items():
+        c, u, v = (np.array(value, float) for value in (corner, along, up))
         add(name, [c, c + u, c + u + v, c + v], [(0, 1, 2, 3)], colour)
     low, high = np.array(BLOCK)
     points = [np.where([x, y, z], high, low) for z in (0, 1) for y in (0, 1) for x in (0, 1)]
@@ -149,7 +149,7 @@ def cosine(normal: Float, numbers: Float) -> Float:
     ring = np.sqrt(np.maximum(1 - height**2, 0))
     ball = np.stack([ring * np.cos(angle), ring * np.sin(angle), height], axis=1)
     direction = normal + ball * np.float32(0.99999)
-    return direction / np.linalg.norm(direction, axis=1, keepdims=True)
+    return np.asarray(direction / np.linalg.norm(direction, axis=1, keepdims=True))
 
 
 def from_panel(origin: Float, normal: Float, numbers: Float) -> Float:
@@ -163,7 +163,7 @@ def from_panel(origin: Float, normal: Float, numbers: Float) -> Float:
     free = ~((enter < leave) & (enter < 1) & (leave > 1e-4))
     cosines = np.maximum((towards * normal).sum(axis=1), 0) * np.abs(towards[:, 2]) / square
     area = np.prod((high - low)[:2])
-    return (RADIANCE * area / np.pi * free * cosines / square)[:, None]
+    return np.asarray(RADIANCE * area / np.pi * free * cosines / square)[:, None]
 
 
 def path_traced(origin: Float, normal: Float, numbers: Float, random: np.random.Generator) -> Float:
