@@ -116,11 +116,12 @@ def make_mesh(part: MeshPart, bake_uv: Float) -> list[Any]:
     if part.corner_normals is not None:
         mesh.polygons.foreach_set("use_smooth", np.ones(len(part.triangles), bool))
         mesh.normals_split_custom_set(part.corner_normals.reshape(-1, 3))
-    mesh.use_auto_texspace = False
-    mesh.texspace_location, mesh.texspace_size = part.texture_space
     if not np.array_equal(part.undeformed, part.positions):
         mesh.texture_mesh = _triangles("radiosity undeformed", part.undeformed, part.triangles)
         made.append(mesh.texture_mesh)
+    for one in made:
+        one.use_auto_texspace = False
+        one.texspace_location, one.texspace_size = part.texture_space
     return made
 
 

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from ..solver.errors import RadiosityError
 from ..solver.scene import Texture
-from . import evaluate
+from . import evaluate, node_hash
 from .evaluate import Evaluated, Request
 from .images import read_texture
 from .materials import FAINT, HIGHEST, Shading, read_material, settled, tell_passing
@@ -29,6 +29,8 @@ Float = NDArray[np.floating[Any]]
 Int = NDArray[np.int32]
 Columns = dict[str, NDArray[Any]]
 
+# Nodes that look at what is around a point.
+AROUND = frozenset({"ShaderNodeAmbientOcclusion", "ShaderNodeBevel"})
 # Single precision, twice divided: a reflectance that is above 1 by less is 1.
 ROUNDING = 1e-5
 TEXTURES = ("reflectance_texture", "emission_texture", "opacity_texture")
@@ -101,6 +103,9 @@ class SurfaceMaterials:
             self._lay_out(place, item, mesh, order)
             request = evaluate.request(item, slot.material, take_part(item.mesh, mesh), shading)
             self._pending.append((place, request, order))
+            if node_hash.uses(slot.material.node_tree, AROUND):
+                warn(self.warnings, place.material, "material", "has Ambient Occlusion or Bevel nodes, which see nothing "
+                     "here but the faces of this material on one object: bake them to an image first")
         else:
             self._lay_out(place, item, mesh, order)
             self._put(place)

@@ -308,3 +308,80 @@ def test_a_light_path_counts_as_for_a_diffuse_ray(build, grid):
         return node(tree, "MixRGB", {0: path, 1: (0.1, 0.2, 0.7, 1), 2: (0.8, 0.1, 0.1, 1)}).outputs[0]
     grid.data.materials.append(diffuse(build, seen))
     assert np.allclose(export([]).reflectance, (0.1, 0.2, 0.7), atol=1e-5)
+
+
+def test_an_attribute_of_geometry_nodes_is_the_one_that_cycles_bakes(build, grid):
+    # A modifier stores (x + .2) / 2 as "Wear", which is the colour. Exact answer: Cycles' COLOR bake.
+    group = bpy.data.node_groups.new("Wear", "GeometryNodeTree")
+    for direction in ("INPUT", "OUTPUT"):
+        group.interface.new_socket("Geometry", in_out=direction, socket_type="NodeSocketGeometry")
+    begin, end, store, place, part, half = (group.nodes.new(kind) for kind in (
+        "NodeGroupInput", "NodeGroupOutput", "GeometryNodeStoreNamedAttribute", "GeometryNodeInputPosition",
+        "ShaderNodeSeparateXYZ", "ShaderNodeMath"))
+    half.operation = "MULTIPLY_ADD"
+    half.inputs[1].default_value, half.inputs[2].default_value = 0.5, 0.1
+    store.inputs["Name"].default_value = "Wear"
+    value = next(socket for socket in store.inputs if socket.name == "Value" and socket.enabled)
+    for source, target in ((begin.outputs[0], store.inputs[0]), (place.outputs[0], part.inputs[0]),
+                           (part.outputs["X"], half.inputs[0]), (half.outputs[0], value),
+                           (store.outputs[0], end.inputs[0])):
+        group.links.new(source, target)
+    grid.modifiers.new("Wear", "NODES").node_group = group
+    grid.data.materials.append(diffuse(build, lambda tree, _: node(tree, "Attribute", attribute_name="Wear").outputs[2]))
+    scene = export([])
+    assert_agree(ours(scene, Geometry(scene).reflectance), cycles(grid, "DIFFUSE"))
+
+
+def test_generated_coordinates_are_those_before_modifiers(build, grid):
+    # A modifier lifts the grid by .3 m, which generated coordinates don't follow. Exact answer: Cycles' COLOR bake.
+    lift = grid.modifiers.new("Lift", "DISPLACE")
+    lift.direction, lift.strength, lift.mid_level = "Z", 0.3, 0.0
+    grid.data.materials.append(diffuse(build, _generated))
+    scene = export([])
+    assert np.asarray(scene.vertices)[:, 2].min() > 0.2
+    assert_agree(ours(scene, Geometry(scene).reflectance), cycles(grid, "DIFFUSE"))
+
+
+def test_objects_that_share_mesh_and_material_keep_their_own_colours(build, grid):
+    # Two objects of one mesh, coloured by Object Info. Exact answer: each object's own colour.
+    grid.data.materials.append(diffuse(build, _object_colour))
+    other = build.object("Other", grid.data)
+    other.color, other.location = (0.7, 0.1, 0.3, 1), (3, 0, 0)
+    scene = export([])
+    for surface, colour in zip(scene.surfaces, ((0.2, 0.5, 0.7), (0.7, 0.1, 0.3)), strict=True):
+        assert np.allclose(np.asarray(scene.reflectance)[surface.triangles], colour, atol=1e-5)
+
+
+def test_a_factor_by_direction_counts_by_its_mean(build, grid):
+    # Black and white mixed by Fresnel of index 1.5. Exact answer: 9.2 % (Walsh 1926: .0918), the same everywhere.
+    def edge(tree, _material):
+        return node(tree, "MixRGB", {0: node(tree, "Fresnel", {"IOR": 1.5}).outputs[0], 1: (0, 0, 0, 1),
+                                     2: (1, 1, 1, 1)}).outputs[0]
+    grid.data.materials.append(diffuse(build, edge))
+    assert np.allclose(export([]).reflectance, 0.0918, atol=1e-4)
+
+
+def test_metal_reflects_what_cycles_reflects_of_even_light(build, grid):
+    # A metal of colour (.9, .6, .3) under light from everywhere sends back its colour: the energy is kept. Cycles'
+    # own metal brightens towards the edge (F82), so its mean is a little higher: to 10 %.
+    grid.data.materials.append(build.material("Gold", (0.9, 0.6, 0.3), Metallic=1.0, Roughness=0.3))
+    for polygon in grid.data.polygons:
+        polygon.use_smooth = False
+    grid.data.vertices.foreach_set("co", np.column_stack([
+        np.array([vertex.co.xy for vertex in grid.data.vertices]), np.zeros(len(grid.data.vertices))]).ravel())
+    build.world((1, 1, 1))
+    bpy.data.objects.remove(bpy.data.objects["Sun"])
+    found = np.asarray(export([]).reflectance)[0]
+    scene = bpy.context.scene
+    scene.render.engine, scene.cycles.samples = "CYCLES", 256
+    image = bpy.data.images.new("Reflected", 4, 4, float_buffer=True)
+    image.colorspace_settings.name = "Non-Color"
+    tree = grid.active_material.node_tree
+    tree.nodes.active = tree.nodes.new("ShaderNodeTexImage")
+    tree.nodes.active.image = image
+    bpy.context.view_layer.objects.active = grid
+    grid.select_set(True)
+    bpy.ops.object.bake(type="GLOSSY", pass_filter={"DIRECT", "INDIRECT", "COLOR"}, margin=0, uv_layer="Paint")
+    reflected = np.array(image.pixels[:]).reshape(-1, 4)[:, :3].mean(axis=0)
+    assert np.allclose(found, (0.9, 0.6, 0.3))
+    assert np.allclose(found, reflected, rtol=0.1)
