@@ -50,4 +50,4 @@ def comparable(points: Float, normals: Float, others: Float, other_normals: Floa
     way = others - points
     length = np.linalg.norm(way, axis=1)
     level = np.abs(np.einsum("ij,ij->i", way, normals)) <= LEVEL_SINE * length
-    return np.asarray((length > 0) & level & (np.einsum("ij,ij->i", normals, other_normals) > ALIKE_COSINE)
+    return np.asarray((length > 0) & level & (np.einsum("ij,ij->i", normals, other_normals) > ALIKE_COSINE))
