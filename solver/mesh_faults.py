@@ -66,7 +66,7 @@ def find_faults(scene: Scene) -> Faults:
 def _edge(node: Int, triangle: Int, side: Int) -> Int:
     """(n,) int64: one number for an edge, whichever way it runs."""
     a, b = node[triangle, side].astype(np.int64), node[triangle, (side + 1) % 3].astype(np.int64)
-    return np.minimum(a, b) * (int(node.max(initial=0)) + 1) + np.maximum(a, b)
+    return np.asarray(np.minimum(a, b) * (int(node.max(initial=0)) + 1) + np.maximum(a, b))
 
 
 def _doubled(scene: Scene, surface: Int) -> tuple[Int, NDArray[np.int32]]:
