@@ -32,6 +32,8 @@ LEAST_TEXELS = 1 << 12
 TEXEL = 0.01
 # A part whose texels differ by less than this, relative, is one colour.
 EVEN = 1e-5
+# Metres that are lost in rounding, and not 0, which would switch the modifier off.
+NO_MOVE = 1e-20
 # Bytes of results that are kept for the next bake.
 CACHE_BYTES = 1 << 28
 # Nodes by which a material may look different on each object that shows the same mesh.
@@ -158,6 +160,9 @@ def _bake(one: Request, name: str, cells: Cells, frame: int) -> Float:
         meshes[0].materials.append(copy)
         item.matrix_world = one.matrix.T.tolist()
         item.color, item.pass_index = one.colour, one.index
+        if len(meshes) > 1:
+            # Blender asks for undeformed coordinates only where a modifier deforms: this one moves nothing.
+            item.modifiers.new("radiosity", "DISPLACE").strength = NO_MOVE
         pixels = cycles.bake_emission(item, BAKE_UV, cells.width, cells.height, frame)
     except RuntimeError as cause:
         raise RadiosityError(f"{str(cause).strip().splitlines()[0]}") from cause
