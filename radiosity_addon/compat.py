@@ -28,3 +28,11 @@ def reset_light(data: Any) -> None:
     for name, value in (("exposure", 0.0), ("use_temperature", False), ("normalize", True)):
         if name in data.bl_rna.properties:
             setattr(data, name, value)
+
+
+def baked_footprint() -> float:
+    """The part of a texel, each way, that Cycles' bake takes the mean of.
+
+    Measured by the shadow edge of a sun: .5 in 4.2.23 and 5.0.1, 1 in 5.2.3 (5.1 was not tried).
+    """
+    return 1.0 if bpy.app.version >= (5, 2, 0) else 0.5

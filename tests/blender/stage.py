@@ -3,7 +3,7 @@
 The receivers are two squares of 1 m at z = 0 with 8 x 8 lumels each, in one image. A black plate of 1 m at z = .5 m
 hovers over the second one, a quarter of a metre aside, so that the shade's edges cross it. Cycles bakes the direct
 diffuse light without colour, radiance = irradiance / pi. Ours comes twice: as the mean of the lamp's weights over
-shadow rays that miss the plate, over the same central half of each lumel; and from the solver's direct light.
+shadow rays that miss the plate, over the same part of each lumel; and from the solver's direct light.
 """
 
 import bpy
@@ -106,6 +106,8 @@ def cycles_irradiance(passes=("DIRECT",)):
     scene.cycles.samples = SAMPLES
     scene.cycles.use_adaptive_sampling = scene.cycles.use_denoising = False
     scene.cycles.sample_clamp_direct = scene.cycles.sample_clamp_indirect = 0
+    # Blue noise ties the errors of neighbours together: means over a few lumels are then worse.
+    scene.cycles.sampling_pattern = "TABULATED_SOBOL"
     image = bpy.data.images.new("Baked", 2 * SIDE, SIDE, float_buffer=True)
     image.colorspace_settings.name = "Non-Color"
     tree = receiver.data.materials[0].node_tree
@@ -119,9 +121,9 @@ def cycles_irradiance(passes=("DIRECT",)):
 
 
 def footprint_points(left):
-    """(56, RAYS, 3): points over the central half of each lumel of the receiver whose left edge is at x."""
+    """(56, RAYS, 3): points over the part of each lumel that Cycles bakes, of the receiver whose left edge is at x."""
     index = LUMELS[:, None]
-    jitter = random_numbers()[..., 2:] / 2 + 0.25
+    jitter = 0.5 + (random_numbers()[..., 2:] - np.float32(0.5)) * np.float32(compat.baked_footprint())
     points = np.zeros((len(LUMELS), RAYS, 3), np.float32)
     points[..., 0] = left + (index % SIDE + jitter[..., 0]) / SIDE
     points[..., 1] = -0.5 + (index // SIDE + jitter[..., 1]) / SIDE
@@ -175,7 +177,7 @@ def solver_irradiance(lights, tolerance):
     receivers = Receivers(geometry.point(triangle, *both[0].T), np.tile(np.float32([0, 0, 1]), (len(triangle), 1)),
                           triangle, *both)
     direct = DirectLight(geometry, [light.translated(-scene.origin) for light in lights], seed=0)
-    places = ReceiverFootprints(geometry, receivers, 0.5, seed=0)
+    places = ReceiverFootprints(geometry, receivers, compat.baked_footprint(), seed=0)
     irradiance = direct.irradiance(places, Run(threads=1), tolerance, neighbours=neighbours())
     return irradiance.reshape(2, len(LUMELS), 3)
 

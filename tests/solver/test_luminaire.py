@@ -121,7 +121,7 @@ def test_a_lamp_without_shadow_is_stopped_by_nothing():
     lambda: Luminaire(BULB, np.full((4, 8), np.nan)),
     lambda: Luminaire(BULB, -np.ones((4, 8))),
     lambda: Luminaire(BULB, np.ones((4, 8, 3))),
-    lambda: Luminaire(LAMPS["smooth area"].lamp, np.ones((4, 8))),
+    lambda: Luminaire(Area("lamp", (0, 0, 2), (0, 1, 0), (0.5, 0, 0), 10), np.ones((4, 8))),
     lambda: Luminaire(BULB, frame=np.ones((2, 2))),
 ])
 def test_a_luminaire_that_makes_no_sense_is_refused_by_name(make):
