@@ -104,8 +104,8 @@ class SurfaceMaterials:
             request = evaluate.request(item, slot.material, take_part(item.mesh, mesh), shading)
             self._pending.append((place, request, order))
             if node_hash.uses(slot.material.node_tree, AROUND):
-                warn(self.warnings, place.material, "material", "has Ambient Occlusion or Bevel nodes, which see nothing "
-                     "here but the faces of this material on one object: bake them to an image first")
+                warn(self.warnings, place.material, "material", "has Ambient Occlusion or Bevel nodes, which see "
+                     "nothing here but the faces of this material on one object: bake them to an image first")
         else:
             self._lay_out(place, item, mesh, order)
             self._put(place)

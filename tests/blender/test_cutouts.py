@@ -89,7 +89,7 @@ def ours(scene: Scene) -> np.ndarray:
     towards = lamp.sample(points, normals, numbers[:, :2].astype(np.float32))
     hidden = Geometry(scene).visibility.occluded(points + normals * 1e-4, towards.direction, towards.distance * 0.999)
     light = towards.weight * ~hidden * lamp.colour[0]
-    return light.reshape(SIDE * SIDE, SAMPLES).mean(axis=1)
+    return np.asarray(light.reshape(SIDE * SIDE, SAMPLES).mean(axis=1))
 
 
 def assert_agree(found: np.ndarray, expected: np.ndarray) -> None:

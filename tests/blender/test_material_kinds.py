@@ -327,7 +327,8 @@ def test_an_attribute_of_geometry_nodes_is_the_one_that_cycles_bakes(build, grid
                            (store.outputs[0], end.inputs[0])):
         group.links.new(source, target)
     grid.modifiers.new("Wear", "NODES").node_group = group
-    grid.data.materials.append(diffuse(build, lambda tree, _: node(tree, "Attribute", attribute_name="Wear").outputs[2]))
+    grid.data.materials.append(diffuse(
+        build, lambda tree, _: node(tree, "Attribute", attribute_name="Wear").outputs["Fac"]))
     scene = export([])
     assert_agree(ours(scene, Geometry(scene).reflectance), cycles(grid, "DIFFUSE"))
 
