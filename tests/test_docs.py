@@ -18,8 +18,9 @@ ROOT = Path(__file__).resolve().parents[1]
 PAGES = sorted([*ROOT.glob("*.md"), *ROOT.glob("docs/*.md")])
 # Folders of the repository that paths in the text may begin with; out/, build/ and dist/ are made.
 FOLDERS = ("solver", "radiosity_addon", "operators", "tests", "benchmarks", "docs", "tools", "examples")
-# Names without a folder are those of the solver, or of the page's own folder.
-BESIDE = ("solver", "docs", "")
+# A name without a folder may be of any of them. Without one, .csv and .json are files that a command writes.
+NAMES = {path.name for folder in FOLDERS for path in (ROOT / folder).rglob("*.*")} | {
+    path.name for path in ROOT.iterdir()}
 LINK = re.compile(r"\]\(([^)#\s]+)(?:#[^)]*)?\)")
 QUOTED = re.compile(r"`([\w./-]+\.(?:py|md|csv|toml))`")
 MODULE = re.compile(r"python -m (?:radiosity\.)?((?:benchmarks|tools)[\w.]*)")
@@ -51,7 +52,7 @@ def test_every_file_that_a_page_names_exists(page):
         if folder in FOLDERS:
             missing += [name] * (not (ROOT / name).exists())
         elif folder is None:
-            missing += [name] * (name != "report.json" and not any((ROOT / place / name).exists() for place in BESIDE))
+            missing += [name] * (name.endswith((".py", ".md", ".toml")) and name not in NAMES)
     for module in MODULE.findall(text):
         path = ROOT / module.replace(".", "/")
         missing += [module] * (not (path.is_dir() or path.with_suffix(".py").is_file()))
