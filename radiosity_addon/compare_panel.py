@@ -58,7 +58,7 @@ def _draw_result(layout: Any, done: Any) -> None:
             f"{ours['p95_clean']:.2%}"), ("Worst", f"{ours['worst']:.1%}"), ("Our Time", f"{ours['seconds']:.1f} s"),
             ("Cycles' Time", f"{cycles['seconds']:.1f} s"), ("Cycles' Noise", f"{cycles['rms']:.2%}")]
     if equal and equal["factor"]:
-        rows.append(("At equal error", f"{equal['factor']:.3g} times faster"))
+        rows.append(("Cycles at equal error", f"{equal['factor']:.3g} times as long"))
     for name, value in rows:
         row = box.split(factor=0.5)
         row.label(text=name)
