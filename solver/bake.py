@@ -45,6 +45,7 @@ from .quantities import encode
 from .receivers import Receivers
 from .result import Bake, Lightmap, Solution, Stages, refuse_singular, report
 from .scene import Scene
+from .seams import Seams
 from .settings import Settings
 from .shells import Shells
 from .sources import light_sources
@@ -222,8 +223,9 @@ def bake(scene: Scene, settings: Settings, progress: Progress | None = None,
         triangle = lumels.receivers.triangle
         albedo = work.geometry.reflectance(triangle, *lumels.receivers.barycentric.T)
         values = encode(_passes(direct, bounced, settings.passes), settings.quantity, albedo)
-        images = finished(lumels, scene, values, settings)
-        layers = apart.encoded(settings.quantity, albedo, lambda light: finished(lumels, scene, light, settings))
+        seams = Seams(lumels, scene)
+        images = finished(lumels, seams, values, settings)
+        layers = apart.encoded(settings.quantity, albedo, lambda light: finished(lumels, seams, light, settings))
         images = layers.total(settings.quantity, images)
         placed = [(surface.name, int(page)) for surface, page in
                   zip(scene.surfaces, lumels.page_of_surface, strict=True)]
