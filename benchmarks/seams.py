@@ -128,8 +128,14 @@ def main(arguments: list[str] | None = None) -> int:
     given = parser.parse_args(arguments)
     with tempfile.TemporaryDirectory() as folder:
         os.environ.setdefault("BLENDER_USER_RESOURCES", folder)
+        from radiosity import radiosity_addon
+
         settings = Settings(error=given.error, resolution=given.resolution)
-        held = [measure(path, settings) for path in given.scenes]
+        radiosity_addon.register()
+        try:
+            held = [measure(path, settings) for path in given.scenes]
+        finally:
+            radiosity_addon.unregister()
     return 0 if all(held) else 1
 
 

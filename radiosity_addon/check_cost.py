@@ -1,6 +1,6 @@
 """What a bake will about cost: lumels, memory and time, before it is done.
 
-Rough, and said so: within a factor of three over the scenes that it was fitted to (`benchmarks/check_cost.py`).
+The order of magnitude, no more: how many rays a lumel takes, and how many cells they meet, is known when they are shot.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ from ..solver.settings import DEFAULT_PAGE, Settings
 
 # Part of a page that charts cover, about.
 FILL = 0.7
-# Bytes of a bake beside Blender's own: at its start, a lumel, a triangle.
+# Bytes of a bake beside Blender's own: at its start, a lumel, a triangle (with the cells that rays meet on it).
 BYTES, BYTES_LUMEL, BYTES_TRIANGLE = 2e8, 1500.0, 2500.0
 # Rays a lumel at an error of 10 %, and the power of the error that they go with.
 RAYS, RAYS_POWER = 150.0, 1.3

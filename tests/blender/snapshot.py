@@ -12,13 +12,14 @@ from typing import Any
 import bpy
 import numpy as np
 
-# Counted or derived by Blender itself, or bare links back.
+# Counted or derived by Blender itself, or bare links back; Blender 4.2 crashes on the brush of `uv_sculpt`.
 SKIPPED = frozenset({
     "rna_type", "users", "session_uid", "preview", "original", "is_evaluated", "id_data", "tag", "depsgraph",
     "loop_triangles", "loop_triangle_polygons", "vertex_normals", "polygon_normals", "corner_normals", "pixels",
     "vertices", "edges", "loops", "polygons", "uv_layers", "attributes", "color_attributes", "vertex_colors",
     "bindcode", "uv_layer_stencil", "uv_layer_clone", "loose_edges", "skin_vertices", "asset_data", "is_updated",
-    "is_updated_data", "has_data", "is_dirty", "dimensions", "texspace_location", "texspace_size"})
+    "is_updated_data", "has_data", "is_dirty", "dimensions", "texspace_location", "texspace_size",
+    "uv_sculpt"})
 # What stands for the data-blocks of the program's window, which draws itself anew whenever it likes.
 NOT_THE_USERS = frozenset({"window_managers", "screens", "workspaces", "brushes", "libraries", "rna_type"})
 DEEPEST = 9
