@@ -125,9 +125,12 @@ def chart(points: pictures.Points) -> str:
                      'stroke-width="2" stroke-dasharray="6 5"/>')
     for point, name, colour in ((points.ours, "ours", "#c84614"), (points.cycles, "Cycles", "#1e5ab4")):
         x, y = place(point)
+        # Away from the other point; there is room beside the chart for a name.
+        other = place(points.cycles if name == "ours" else points.ours)[0]
+        label, anchor = (x - 11, "end") if x < other and x > left + 60 else (x + 11, "start")
         parts.append(f'<circle cx="{x:.1f}" cy="{y:.1f}" r="6" fill="{colour}"><title>{name}: {point[1]:.2%} after '
-                     f'{point[0]:.1f} s</title></circle><text x="{x + 11:.1f}" y="{y + 4:.1f}" fill="{colour}">'
-                     f"{name}</text>")
+                     f'{point[0]:.1f} s</title></circle><text x="{label:.1f}" y="{y + 4:.1f}" fill="{colour}" '
+                     f'text-anchor="{anchor}">{name}</text>')
     return f'<svg width="680" height="370" viewBox="0 0 680 370" role="img">{"".join(parts)}</svg>'
 
 

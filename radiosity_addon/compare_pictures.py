@@ -201,7 +201,10 @@ def chart(points: Points) -> Bytes:
         x, y = (round(value) for value in place(point))
         picture[max(y - 5, 0):y + 6, max(x - 5, 0):x + 6] = colour
         wide = text_size(name, 2)[0]
-        draw_text(picture, name, x + 10 if x + 10 + wide < right else x - 10 - wide, y - 7, colour, 2)
+        # Away from the other point, unless that is out of the chart.
+        other = place(points.cycles if name == "ours" else points.ours)[0]
+        leftwards = (x < other and x - 10 - wide > left) or x + 10 + wide > right
+        draw_text(picture, name, x - 10 - wide if leftwards else x + 10, y - 7, colour, 2)
     return picture
 
 
