@@ -19,7 +19,9 @@ from .area_lamp import Area
 from .blocks import Blocks
 from .lamps import Point, Sun
 from .lights import Light
+from .luminaire import Luminaire
 from .mesh_emitter import MeshEmitter
+from .shadowless import Shadowless
 
 Float = NDArray[np.floating[Any]]
 Int = NDArray[np.integer[Any]]
@@ -110,6 +112,8 @@ class LightBounds:
 def _bounds(light: Light) -> tuple[Any, ...]:
     """One lamp's row: centre, radius, strength, soft, floor, axis, thickness, two_sided, far, unknown."""
     strength = float(np.mean(light.colour))
+    if isinstance(light, Shadowless) or (isinstance(light, Luminaire) and light.is_dimmed):
+        return _bounds(light.lamp)
     nowhere, any_way = np.zeros(3), (np.zeros(3), np.inf, True)
     if isinstance(light, Sun):
         sine, cosine = float(np.sin(light.angle / 2)), float(np.cos(light.angle / 2))

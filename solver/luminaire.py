@@ -89,6 +89,11 @@ class Luminaire:
         """The lamp's."""
         return self.lamp.colour
 
+    @property
+    def is_dimmed(self) -> bool:
+        """Whether it gives nowhere more than the lamp alone would."""
+        return self.falloff.fade == "quadratic" and (self.pattern is None or float(self.pattern.max()) <= 1)
+
     def power(self) -> Float:
         """(3,) float32: flux that leaves the lamp, W, as what it gives at a distance of 1 m would tell."""
         fade = float(self.falloff.factor(np.ones(1))[0])

@@ -7,6 +7,7 @@ from radiosity.solver.area_lamp import Area
 from radiosity.solver.errors import SceneError
 from radiosity.solver.geometry import Geometry
 from radiosity.solver.lamps import Point, Sun
+from radiosity.solver.light_bounds import LightBounds
 from radiosity.solver.lights import Light
 from radiosity.solver.luminaire import Falloff, Luminaire
 from radiosity.solver.sampling import kronecker
@@ -115,6 +116,13 @@ def test_a_lamp_without_shadow_is_stopped_by_nothing():
         assert len(Geometry(scene).area) == 4
         value = solver.irradiance(scene, Settings(), point, normal)[0, 0]
         assert value == pytest.approx(factor * 10 / (4 * np.pi) / 4, rel=1e-4)
+
+
+@pytest.mark.parametrize(("name", "known"), [("pattern", True), ("pattern on a spot", True), ("without shadow", True),
+                                             ("smooth area", True), ("linear", False)])
+def test_one_among_many_is_bounded_by_its_lamp(name, known):
+    # With a factor of 1 at most the lamp's own bound holds; light that falls off more slowly has none.
+    assert LightBounds.of([LAMPS[name]]).unknown[0] == (not known)
 
 
 @pytest.mark.parametrize("make", [
