@@ -307,9 +307,10 @@ def _render_result_kept() -> Iterator[None]:
         return
     # Blender can't take a slot away again but by an operator of the image editor, so ours is made once and reused.
     active = image.render_slots.active_index
-    if SLOT not in image.render_slots:
+    # Blender up to 4.3 can't look slots up by name.
+    if SLOT not in [slot.name for slot in image.render_slots]:
         image.render_slots.new(name=SLOT)
-    image.render_slots.active_index = image.render_slots.find(SLOT)
+    image.render_slots.active_index = [slot.name for slot in image.render_slots].index(SLOT)
     try:
         yield
     finally:
