@@ -184,7 +184,8 @@ class Chooser:
         chance = np.where(near, 1, np.minimum(expected / limit[block], 1))
         key = places.identity[rows] * np.int64(1_000_003) + lamp
         kept = np.flatnonzero((chance > 0) & (near | (uniform(key, 98, self._seed) < chance)))
-        place, lamp, block, rows, near, chance = (array[kept] for array in (place, lamp, block, rows, near, chance))
+        place, lamp, block, rows = (array[kept] for array in (place, lamp, block, rows))
+        near, chance = near[kept], chance[kept]
         rays = _rays(expected[kept] / chance, highest[block], wish)
         rays = np.where(near, np.maximum(rays, min(NEAR_RAYS, wish.pilot)), rays)
         closed = self._bounds.wide(single, place, lamp) & ((rays >= CLOSED_FROM) | near)
