@@ -27,6 +27,8 @@ PALETTE = np.array([
 STEPS = 10
 # Half the width of an isoline, as part of the step, and what it leaves of the colour.
 LINE, LINE_SHADE = 0.035, 0.15
+# Shading of maps without isolines: its strength, and the unit direction that is brightest.
+SHADING, FROM = 0.15, (0.36, -0.48, 0.8)
 GROUP, RANGE, STEP = "Radiosity False Colors", "range", "step"
 
 
@@ -90,13 +92,13 @@ def material_of_light(light: Any, scale: Any) -> Any:
     return _material(scale, value)
 
 
-def material_of_attribute(name: str, scale: Any) -> Any:
-    """A material that shows a float attribute on a scale."""
+def material_of_attribute(name: str, scale: Any, shaded: bool = False) -> Any:
+    """A material that shows a float attribute on a scale, with a hint of shading if asked, so that shapes stand out."""
     return _material(scale, lambda tree: add(tree, "ShaderNodeAttribute", -200, attribute_type="GEOMETRY",
-                                             attribute_name=name).outputs["Fac"])
+                                             attribute_name=name).outputs["Fac"], shaded)
 
 
-def _material(scale: Any, value: Any) -> Any:
+def _material(scale: Any, value: Any, shaded: bool = False) -> Any:
     made = bpy.data.materials.new("Radiosity False Colors")
     made[VIEW_MARK] = True
     made.cycles.emission_sampling = "NONE"
@@ -105,10 +107,23 @@ def _material(scale: Any, value: Any) -> Any:
         group, emission = add(tree, "ShaderNodeGroup", 0, node_tree=scale), add(tree, "ShaderNodeEmission", 150)
         tree.links.new(value(tree), group.inputs["Value"])
         tree.links.new(group.outputs["Color"], emission.inputs["Color"])
+        if shaded:
+            tree.links.new(_shading(tree), emission.inputs["Strength"])
         return emission.outputs["Emission"]
 
     only_shader(made, shader)
     return made
+
+
+def _shading(tree: Any) -> Any:
+    """A factor from `1 - 2 SHADING` to 1 by the way a surface faces."""
+    facing = add(tree, "ShaderNodeVectorMath", operation="DOT_PRODUCT")
+    facing.inputs[1].default_value = FROM
+    factor = add(tree, "ShaderNodeMath", operation="MULTIPLY_ADD")
+    factor.inputs[1].default_value, factor.inputs[2].default_value = SHADING, 1 - SHADING
+    tree.links.new(add(tree, "ShaderNodeNewGeometry").outputs["Normal"], facing.inputs[0])
+    tree.links.new(facing.outputs["Value"], factor.inputs[0])
+    return factor.outputs[0]
 
 
 def scale_group(low: float, high: float, step: float, isolines: bool = True) -> Any:
