@@ -23,6 +23,8 @@ Float = NDArray[np.floating[Any]]
 PALETTE = np.array([
     (0.06, 0.04, 0.28), (0.10, 0.25, 0.72), (0.08, 0.55, 0.85), (0.12, 0.72, 0.58), (0.45, 0.82, 0.25),
     (0.93, 0.88, 0.20), (0.96, 0.60, 0.12), (0.86, 0.25, 0.10), (0.55, 0.05, 0.10)])
+# An automatic scale goes no further than this times the mean over the whole area: a lamp's own spot would take it all.
+SPAN = 3.0
 # About so many isolines over the scale.
 STEPS = 10
 # Half the width of an isoline, as part of the step, and what it leaves of the colour.

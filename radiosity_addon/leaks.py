@@ -13,6 +13,7 @@ from ..solver.closure import PatchTable
 from ..solver.errors import NothingToBake
 from . import false_colour, patch_mesh, patch_paint
 from .baked_light import VIEW_MARK
+from .false_colour import SPAN
 
 Float = NDArray[np.floating[Any]]
 
@@ -21,8 +22,6 @@ TITLES = {"back_faces": "Rays that meet back faces", "escaped": "Rays that meet 
           "absorbed": "Absorbed, W/m2", "leaving": "Leaving, W/m2"}
 # How far the map lies above the surfaces, as part of the diagonal of all patches: below it they would flicker.
 LIFT = 5e-4
-# The brightest patches in a hundred may leave the scale: a lamp would take all of it.
-MOST = 99
 # A scale of shares is no shorter than this.
 LEAST_SHARE = 0.01
 
@@ -57,7 +56,9 @@ def show(scene: Any) -> int:
         raise NothingToBake("the file holds no figures of patches: bake first")
     (table, objects), view = found, scene.radiosity_view
     values = figure(table, view.figure)
-    top = float(values.max(initial=0) if is_share(view.figure) else np.percentile(values, MOST) if len(values) else 0)
+    top = float(values.max(initial=0))
+    if not is_share(view.figure) and len(table):
+        top = min(top, SPAN * float(np.average(values, weights=table.area)))
     view.scale_low, view.scale_high = 0.0, false_colour.nice_top(max(top, LEAST_SHARE * is_share(view.figure)))
     view.scale_step = false_colour.nice_step(view.scale_high)
     view.scale_title = TITLES[view.figure]
