@@ -30,7 +30,7 @@ STEPS = 10
 # Half the width of an isoline, as part of the step, and what it leaves of the colour.
 LINE, LINE_SHADE = 0.035, 0.15
 # Shading of maps without isolines: its strength, and the unit direction that is brightest.
-SHADING, FROM = 0.15, (0.36, -0.48, 0.8)
+SHADING, FROM = 0.25, (0.36, -0.48, 0.8)
 GROUP, RANGE, STEP = "Radiosity False Colors", "range", "step"
 
 

@@ -20,8 +20,8 @@ Float = NDArray[np.floating[Any]]
 NAME = "Radiosity Leaks"
 TITLES = {"back_faces": "Rays that meet back faces", "escaped": "Rays that meet nothing",
           "absorbed": "Absorbed, W/m2", "leaving": "Leaving, W/m2"}
-# How far the map lies above the surfaces, as part of the diagonal of all patches: below it they would flicker.
-LIFT = 5e-4
+# How far the map lies above the surfaces, as part of a usual patch's width: below it they would flicker.
+LIFT = 0.03
 # A scale of shares is no shorter than this.
 LEAST_SHARE = 0.01
 
@@ -62,7 +62,7 @@ def show(scene: Any) -> int:
     view.scale_low, view.scale_high = 0.0, false_colour.nice_top(max(top, LEAST_SHARE * is_share(view.figure)))
     view.scale_step = false_colour.nice_step(view.scale_high)
     view.scale_title = TITLES[view.figure]
-    mesh = _map(table, values, patch_paint.pieces(bpy.context.evaluated_depsgraph_get(), set(objects)))
+    mesh = _map(table, values, _surfaces(table, objects))
     scale = false_colour.scale_group(0.0, view.scale_high, view.scale_step, isolines=False)
     mesh.materials.append(false_colour.material_of_attribute("figure", scale, shaded=True))
     show_only(scene, NAME, mesh)
@@ -90,10 +90,15 @@ def place(table: PatchTable, objects: Sequence[str], index: int, context: Any) -
     return name
 
 
+def _surfaces(table: PatchTable, objects: Sequence[str]) -> Float:
+    usual = float(np.median(table.area)) if len(table) else 1.0
+    return patch_paint.pieces(bpy.context.evaluated_depsgraph_get(), set(objects), usual)
+
+
 def _map(table: PatchTable, values: Float, corners: Float) -> Any:
     """A mesh of pieces (n, 3, 3) of surfaces, each side with its patch's value in the face attribute "figure"."""
     patch, normals = patch_paint.nearest(table, corners)
-    lift = LIFT * np.linalg.norm(np.ptp(table.middle, axis=0)) if len(table) else 0.0
+    lift = LIFT * float(np.sqrt(np.median(table.area))) if len(table) else 0.0
     met = np.flatnonzero(patch >= 0)
     both = np.concatenate([corners, corners[:, ::-1]])
     mesh = polygons(NAME, both[met] + (lift * normals[met])[:, None])

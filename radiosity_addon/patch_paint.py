@@ -18,18 +18,21 @@ from .mesh_arrays import read
 
 Float = NDArray[np.floating[Any]]
 
-# About so many pieces are cut, and most pieces along a triangle's side.
-PIECES, MOST_CUTS = 20_000, 64
+# Pieces are as wide as this part of a usual patch; most pieces in all, and along a triangle's side.
+PIECE_WIDTH, MOST_PIECES, MOST_CUTS = 0.5, 100_000, 64
 # A difference of normals counts as a distance of this many patches' widths.
 FACING = 2.0
 # A side whose nearest patch faces farther off than this cosine has no patch: light never met it.
 SAME_WAY = 0.5
-# Distances looked at at once.
-CHUNK = 2**24
+# Distances looked at at once: few enough for a cache.
+CHUNK = 2**20
 
 
-def pieces(depsgraph: Any, objects: Collection[str]) -> Float:
-    """(n, 3, 3) float32 world corners of small triangles that cover the meshes of the objects and their instances."""
+def pieces(depsgraph: Any, objects: Collection[str], patch_area: float) -> Float:
+    """(n, 3, 3) float32 world corners of small triangles that cover the meshes of the objects and their instances.
+
+    `patch_area` is that of a usual patch, m2.
+    """
     parts = [_triangles(instance) for instance in depsgraph.object_instances
              if instance.object.type == "MESH" and instance.show_self and _name(instance) in objects]
     corners = np.concatenate(parts) if parts else np.empty((0, 3, 3))
@@ -38,9 +41,13 @@ def pieces(depsgraph: Any, objects: Collection[str]) -> Float:
     corners, side = corners[area > 0], side[area > 0]
     if not len(corners):
         return np.empty((0, 3, 3), np.float32)
-    width = np.sqrt(2 * area.sum() / PIECES)
     longest = np.linalg.norm(side, axis=2).max(axis=1)
-    cuts = np.clip(np.ceil(longest / width), 1, MOST_CUTS).astype(int)
+    width = PIECE_WIDTH * np.sqrt(patch_area)
+    while True:
+        cuts = np.clip(np.ceil(longest / width), 1, MOST_CUTS).astype(int)
+        if (cuts**2).sum() <= max(MOST_PIECES, len(cuts)):
+            break
+        width *= 1.25
     return np.concatenate([_cut(corners[cuts == number], int(number)) for number in np.unique(cuts)]).astype(np.float32)
 
 
@@ -56,10 +63,12 @@ def nearest(table: PatchTable, corners: Float) -> tuple[NDArray[np.intp], Float]
     origin = table.middle.mean(axis=0)
     scale = FACING * np.sqrt(np.median(table.area))
     known = np.concatenate([table.middle - origin, scale * table.normal], axis=1).astype(np.float32)
-    asked = np.concatenate([np.tile(corners.mean(axis=1) - origin, (2, 1)), scale * normals], axis=1).astype(np.float32)
-    square = (known**2).sum(axis=1)
+    asked = np.concatenate([np.tile(corners.mean(axis=1) - origin, (2, 1)), scale * normals,
+                            np.ones((len(normals), 1))], axis=1).astype(np.float32)
+    # |k - a|^2 = |k|^2 - 2 a k + |a|^2: the last is the same for all patches.
+    weights = np.concatenate([-2 * known.T, (known**2).sum(axis=1)[None]])
     step = max(1, CHUNK // len(known))
-    patch = np.concatenate([np.argmin(square - 2 * (asked[start:start + step] @ known.T), axis=1)
+    patch = np.concatenate([np.argmin(asked[start:start + step] @ weights, axis=1)
                             for start in range(0, len(asked), step)])
     return np.where((table.normal[patch] * normals).sum(axis=1) > SAME_WAY, patch, -1), normals
 
