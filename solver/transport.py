@@ -45,6 +45,14 @@ class Met:
     missed: Int
     sky: Float
 
+    def where_above(self, directions: Float, normals: Float) -> Met:
+        """Without what came from under the surfaces (n, 3) that rays started on: a shading normal may lead there."""
+        below = np.einsum("ij,ij->i", directions, normals) <= 0
+        if not below.any():
+            return self
+        kept = ~below[self.missed]
+        return Met(self.hits, np.where(below, NOTHING, self.sides), self.missed[kept], self.sky[kept])
+
 
 class Transport:
     """Cells, patches and rows, growing as rays meet them.
@@ -202,7 +210,7 @@ class Transport:
         start = np.take(self.met.start, order[member], axis=0)
         points3, normals = start[:, :3], start[:, 4:7]
         directions = cosine_directions(normals, height.reshape(-1, 1), azimuth.reshape(-1, 1))[:, 0]
-        met = self.trace(points3, directions)
+        met = self.trace(points3, directions).where_above(directions, self.met.spots.normals[order[member]])
         sky = np.zeros((0 if self.geometry.scene.sky.is_black else len(met.sides), 3), np.float32)
         sky[met.missed] = met.sky
         eighth = self.patches.part(points3, np.repeat(patches[part], rays))
