@@ -37,7 +37,7 @@ MOST_RAYS = 4096
 # Error of n quasi-random rays over sd * n^-QMC_RATE, from penumbrae of the Cornell box (METHODS: 16 / 64 / 256 rays).
 QMC_RATE = 0.75
 # Places of a footprint at which the closed form is asked for.
-CLOSED_SAMPLES = 4
+CLOSED_SAMPLES = 16
 # Which dimensions of the point set serve footprint x, y and lamp u, v: in the natural order a shadow edge along both
 # x and u resonates (RMS .028 of the visible part at 1,024 rays, against .0055 in this one).
 COLUMNS = (3, 0, 2, 1)
