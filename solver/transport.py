@@ -33,6 +33,7 @@ Int = NDArray[np.integer[Any]]
 CHUNK_RAYS = 2**17
 # Generations of patches that see patches that see ... before what is newly met is left to an average.
 MOST_WAVES = 8
+PRIOR_HITS = 1.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -74,6 +75,7 @@ class Transport:
         self.met = MetCells(geometry, direct, sampled_emitter, cells, seed, run)
         self._seed, self._run = seed, run
         self._cell_patch = Growing((), np.int32)
+        self.seen_count = np.zeros(0)
         self.irradiance = np.empty((0, 3), np.float32)
         self.rows: list[Rows] = []
         # Patches below `_solved` were there at the last solve; `_unsolved` of them have cells and no row.
@@ -180,6 +182,7 @@ class Transport:
             self.meet([sides.reshape(-1)])
             hits = self.cells.rows(sides.reshape(-1)).reshape(sides.shape)
             sky = None if self.geometry.scene.sky.is_black else np.concatenate([piece[1] for piece in pieces])
+            self.note(hits.reshape(-1))
             traced.append(Rows(these, hits, np.concatenate([piece[2] for piece in pieces]), sky))
         return traced
 
@@ -190,8 +193,10 @@ class Transport:
         cells = np.flatnonzero(place[self.cell_patch] >= 0)
         order = cells[np.argsort(place[self.cell_patch[cells]], kind="stable")]
         area = self.cells.area(self.cells.side[order]).astype(np.float64)
-        running = np.concatenate([[0.0], np.cumsum(area)])
         begins = np.searchsorted(place[self.cell_patch[order]], np.arange(len(patches) + 1))
+        whole = np.add.reduceat(area, begins[:-1])
+        count = np.zeros(len(self.cells)); count[:len(self.seen_count)] = self.seen_count
+        running = np.concatenate([[0.0], np.cumsum(area / np.repeat(whole, np.diff(begins)) * PRIOR_HITS + count[order])])
         return order, running, begins
 
     def _row_rays(self, patches: NDArray[np.int32], rays: int, order: Int, running: Float, begins: Int,
@@ -215,6 +220,12 @@ class Transport:
         sky[met.missed] = met.sky
         eighth = self.patches.part(points3, np.repeat(patches[part], rays))
         return met.sides.reshape(-1, rays), sky.reshape(-1, rays, 3), eighth.reshape(-1, rays)
+
+    def note(self, hits):
+        """Count what rays met."""
+        count = np.bincount(hits[hits >= 0], minlength=len(self.cells)).astype(np.float64)
+        count[:len(self.seen_count)] += self.seen_count
+        self.seen_count = count
 
     # --- solve ---------------------------------------------------------------------------------------------------
     def discover(self, rays: int) -> None:
