@@ -65,7 +65,7 @@ def baked(path: Path, settings: Settings) -> tuple[Lumels, Scene, list[Float]]:
     kept: list[tuple[Lumels, list[Float]]] = []
     stitched = module.finished
 
-    def keep(lumels: Lumels, scene: Scene, values: Float, settings: Settings) -> list[Float]:
+    def keep(lumels: Lumels, _seams: Any, values: Float, settings: Settings) -> list[Float]:
         images = to_images(lumels, values, settings)
         kept.append((lumels, images))
         return images
@@ -107,7 +107,7 @@ def measure(path: Path, settings: Settings) -> bool:
     lumels, scene, images = baked(path, settings)
     taps = seams.seam_taps(seam_samples(lumels, scene), lumels, scene)
     start = time.perf_counter()
-    stitched = seams.stitch(lumels, scene, images)
+    stitched = seams.Seams(lumels, scene).stitch(images)
     seconds = time.perf_counter() - start
     moved = sum(int((new != old).any(axis=2).sum()) for new, old in zip(stitched, images, strict=True))
     print(f"{path.stem}: {len(lumels)} lumels, {len(taps.texel)} samples of seams, {moved} texels moved in "
@@ -128,8 +128,14 @@ def main(arguments: list[str] | None = None) -> int:
     given = parser.parse_args(arguments)
     with tempfile.TemporaryDirectory() as folder:
         os.environ.setdefault("BLENDER_USER_RESOURCES", folder)
+        from radiosity import radiosity_addon
+
         settings = Settings(error=given.error, resolution=given.resolution)
-        held = [measure(path, settings) for path in given.scenes]
+        radiosity_addon.register()
+        try:
+            held = [measure(path, settings) for path in given.scenes]
+        finally:
+            radiosity_addon.unregister()
     return 0 if all(held) else 1
 
 

@@ -8,12 +8,16 @@ def _classes() -> tuple[type, ...]:
     from .bake import RADIOSITY_OT_bake
     from .check import RADIOSITY_OT_check
     from .clear import RADIOSITY_OT_clear
+    from .compare import CLASSES as COMPARE
+    from .density import CLASSES as DENSITY
     from .findings import CLASSES as FINDINGS
     from .leaks import CLASSES as LEAKS
     from .lux import CLASSES as LUX
     from .preview import CLASSES as PREVIEW
+    from .relight import CLASSES as RELIGHT
 
-    return (RADIOSITY_OT_bake, RADIOSITY_OT_check, RADIOSITY_OT_clear, *FINDINGS, *PREVIEW, *LUX, *LEAKS)
+    return (RADIOSITY_OT_bake, RADIOSITY_OT_check, RADIOSITY_OT_clear, *COMPARE, *DENSITY, *FINDINGS, *PREVIEW, *LUX,
+            *LEAKS, *RELIGHT)
 
 
 def register() -> None:

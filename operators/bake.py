@@ -13,6 +13,7 @@ from ..radiosity_addon.summary import one_line
 from ..radiosity_addon.warn import as_line
 from ..radiosity_addon.window_request import request_in
 from ..solver.errors import Cancelled, RadiosityError
+from .status import show_status
 
 # Seconds between two looks at the bake.
 TICK = 0.1
@@ -79,7 +80,7 @@ class RADIOSITY_OT_bake(bpy.types.Operator):
             return {"PASS_THROUGH"}
         progress = self._job.progress
         context.window_manager.progress_update(round(progress.fraction * 100))
-        _show(context, f"Radiosity {progress.line()} (Esc cancels)")
+        show_status(context, f"Radiosity {progress.line()} (Esc cancels)")
         if not self._job.is_done:
             return {"PASS_THROUGH"}
         try:
@@ -98,7 +99,7 @@ class RADIOSITY_OT_bake(bpy.types.Operator):
         self._job.close()
         context.window_manager.event_timer_remove(self._timer)
         context.window_manager.progress_end()
-        _show(context, None)
+        show_status(context, None)
 
     def _failed(self, error: RadiosityError) -> set[str]:
         self.report({"WARNING"} if isinstance(error, Cancelled) else {"ERROR"}, str(error))
@@ -114,13 +115,3 @@ class RADIOSITY_OT_bake(bpy.types.Operator):
             self.report({"WARNING"}, f"The wanted error of {outcome.report['error']['wanted']:.2%} was not reached")
         self.report({"INFO"}, f"Baked {one_line(outcome.report)}")
         return {"FINISHED"}
-
-
-def _show(context: Any, text: str | None) -> None:
-    """A text in the status bar, None for Blender's own; the panels draw their bar anew."""
-    if context.workspace is not None:
-        context.workspace.status_text_set(text)
-    for window in context.window_manager.windows:
-        for area in window.screen.areas:
-            if area.type == "VIEW_3D":
-                area.tag_redraw()

@@ -6,12 +6,11 @@ from typing import Any
 
 import bpy
 
-from ..radiosity_addon.check import lines
+from ..radiosity_addon.check import find, lines
 from ..radiosity_addon.command import parse_options
-from ..radiosity_addon.export import export_scene
 from ..radiosity_addon.findings import keep_findings
 from ..radiosity_addon.job import Job
-from ..radiosity_addon.warn import Warnings, as_line
+from ..radiosity_addon.warn import as_line
 from ..radiosity_addon.window_request import settings_in
 from ..solver.errors import RadiosityError
 
@@ -28,18 +27,18 @@ class RADIOSITY_OT_check(bpy.types.Operator):
         return Job.current is None and context.scene is not None
 
     def execute(self, context: Any) -> set[str]:
-        """Export, and report."""
-        warnings: Warnings = []
+        """Look, keep what was found for the panel, and report."""
         try:
-            settings = settings_in(context, parse_options(""))
-            exported = export_scene(context.scene, context.view_layer, settings, warnings)
+            found = find(context.scene, context.view_layer, settings_in(context, parse_options("")),
+                         context.scene.radiosity.apply_modifiers)
         except RadiosityError as error:
-            keep_findings(context.scene, [*warnings, {"object": "", "code": "error", "message": str(error)}])
             self.report({"ERROR"}, str(error))
             return {"CANCELLED"}
-        keep_findings(context.scene, warnings)
-        for warning in warnings:
-            self.report({"WARNING"}, as_line(warning))
-        for line in lines(exported):
+        keep_findings(context.scene, found.warnings)
+        for warning in found.warnings:
+            self.report({"ERROR"} if warning["code"] == "error" else {"WARNING"}, as_line(warning))
+        if found.failure is not None:
+            return {"CANCELLED"}
+        for line in lines(found):
             self.report({"INFO"}, line)
         return {"FINISHED"}

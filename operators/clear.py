@@ -8,10 +8,11 @@ import bpy
 
 from ..radiosity_addon.clear import clear
 from ..radiosity_addon.job import Job
+from .preview import shade_as_before
 
 
 class RADIOSITY_OT_clear(bpy.types.Operator):
-    """Remove baked images, lightmap UV maps and color attributes from the .blend"""
+    """Remove all that bakes and views have made from the .blend: images, UV maps, color attributes. Files stay"""
 
     bl_idname = "radiosity.clear"
     bl_label = "Clear"
@@ -21,8 +22,9 @@ class RADIOSITY_OT_clear(bpy.types.Operator):
     def poll(cls, _context: Any) -> bool:
         return Job.current is None
 
-    def execute(self, _context: Any) -> set[str]:
+    def execute(self, context: Any) -> set[str]:
         """Remove, and say how much."""
         images, meshes = clear()
+        shade_as_before(context)
         self.report({"INFO"}, f"Removed {images} images, and layers of {meshes} meshes")
-        return {"FINISHED"} if images or meshes else {"CANCELLED"}
+        return {"FINISHED"}

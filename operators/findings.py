@@ -19,7 +19,7 @@ class RADIOSITY_OT_show_finding(bpy.types.Operator):
 
     @classmethod
     def poll(cls, context: Any) -> bool:
-        return context.mode == "OBJECT"
+        return bool(context.mode == "OBJECT")
 
     @classmethod
     def description(cls, context: Any, properties: Any) -> str:

@@ -32,7 +32,7 @@ class RADIOSITY_OT_lux_view(bpy.types.Operator):
     def poll(cls, context: Any) -> bool:
         if Job.current is not None or context.scene is None:
             return False
-        if not any_result():
+        if not any_result() and context.scene.radiosity_view.mode != LUX:
             cls.poll_message_set("Nothing is baked: press Bake Radiosity first")
             return False
         return True

@@ -12,21 +12,24 @@ _commands: list[Any] = []
 
 def _classes() -> tuple[type, ...]:
     """The layer's Blender classes, in the order of registration."""
+    from .compare_panel import CLASSES as COMPARE
     from .object_panel import CLASSES as OBJECT_PANELS
     from .object_settings import CLASSES as OBJECT_SETTINGS
     from .panel import CLASSES as PANELS
+    from .relight_panel import CLASSES as RELIGHT_PANELS
     from .settings import CLASSES as SETTINGS
     from .view_panel import CLASSES as VIEW_PANELS
     from .view_settings import CLASSES as VIEW_SETTINGS
 
-    return (*SETTINGS, *OBJECT_SETTINGS, *VIEW_SETTINGS, *PANELS, *VIEW_PANELS, *OBJECT_PANELS)
+    return (*SETTINGS, *OBJECT_SETTINGS, *VIEW_SETTINGS, *PANELS, *VIEW_PANELS, *RELIGHT_PANELS, *COMPARE,
+            *OBJECT_PANELS)
 
 
 def register() -> None:
     """Register the classes, the settings of each scene, and `blender -c radiosity`."""
     import bpy
 
-    from . import legend, object_settings, settings, view_settings
+    from . import compare_panel, legend, live_relight, object_settings, settings, view_settings
     from .command import execute
 
     for cls in _classes():
@@ -35,6 +38,8 @@ def register() -> None:
     object_settings.attach()
     view_settings.attach()
     legend.attach()
+    live_relight.attach()
+    compare_panel.attach()
     _commands.append(bpy.utils.register_cli_command("radiosity", execute))
 
 
@@ -42,10 +47,12 @@ def unregister() -> None:
     """Undo register(), last first."""
     import bpy
 
-    from . import legend, object_settings, settings, view_settings
+    from . import compare_panel, legend, live_relight, object_settings, settings, view_settings
 
     while _commands:
         bpy.utils.unregister_cli_command(_commands.pop())
+    compare_panel.detach()
+    live_relight.detach()
     legend.detach()
     view_settings.detach()
     object_settings.detach()

@@ -31,7 +31,6 @@ from .baked_images import FORBIDDEN
 from .binding import Binding
 from .digest import digest
 from .light_groups import Group, Member
-from .request import Request
 from .survey import Survey
 
 Float = NDArray[np.floating[Any]]
@@ -64,20 +63,25 @@ class Kept:
     stacks: tuple[tuple[Layer, ...], ...]
 
 
-def folder_of(request: Request, scene_name: str) -> Path:
-    """Where the groups of a scene are kept."""
+def places(output: Path | None, scene_name: str) -> list[Path]:
+    """Where the groups of a scene may be kept: in the output folder, if there is one, and in the user's folder."""
     name = FORBIDDEN.sub("_", scene_name).strip(" .") + SUFFIX
-    if request.output is not None:
-        return request.output / name
-    return user_folder() / (digest(bpy.data.filepath) if bpy.data.filepath else f"unsaved-{os.getpid()}") / name
+    own = user_folder() / (digest(bpy.data.filepath) if bpy.data.filepath else f"unsaved-{os.getpid()}") / name
+    return [own] if output is None else [output / name, own]
+
+
+def find(output: Path | None, scene_name: str) -> Path:
+    """The first place that holds groups, or the first."""
+    found = places(output, scene_name)
+    return next((folder for folder in found if is_kept(folder)), found[0])
 
 
 def user_folder() -> Path:
     """The extension's own folder; of an add-on that is no extension, one under Blender's user data."""
     package = __package__.rpartition(".")[0]
     if package.startswith("bl_ext."):
-        return Path(bpy.utils.extension_path_user(package, path="groups", create=True))
-    return Path(bpy.utils.user_resource("DATAFILES", path="radiosity_lightmaps", create=True))
+        return Path(bpy.utils.extension_path_user(package, path="groups"))
+    return Path(bpy.utils.user_resource("DATAFILES", path="radiosity_lightmaps"))
 
 
 def keep(folder: Path, bake: Bake, groups: Sequence[Group], seen: Survey, settings: Settings,
@@ -180,30 +184,30 @@ def _write_layers(folder: Path, bake: Bake, groups: Sequence[Group]) -> list[lis
 
 
 def _write_layout(folder: Path, bake: Bake, surfaces: Sequence[Surface]) -> None:
-    arrays: dict[str, Any] = {"page_of_surface": bake.page_of_surface}
-    for number, (surface, uv) in enumerate(zip(surfaces, bake.uv, strict=True)):
-        if surface.corner_ids is not None:
-            arrays[f"corners_{number}"] = surface.corner_ids
-        if uv is not None:
-            arrays[f"uv_{number}"] = uv
-    if bake.corner_colours is not None:
-        arrays["coloured"] = np.array([colours is not None for colours in bake.corner_colours])
-    np.savez(folder / LAYOUT, **arrays)
+    corners = [one.corner_ids if one.corner_ids is not None else np.arange(3 * one.count).reshape(-1, 3)
+               for one in surfaces]
+    uv = [np.zeros((one.count, 3, 2), np.float32) if layout is None else layout
+          for one, layout in zip(surfaces, bake.uv, strict=True)]
+    coloured = bake.corner_colours if bake.corner_colours is not None else (None,) * len(surfaces)
+    np.savez(folder / LAYOUT, page_of_surface=bake.page_of_surface, corners=np.concatenate(corners).astype(np.int32),
+             uv=np.concatenate(uv), laid_out=np.array([layout is not None for layout in bake.uv]),
+             coloured=np.array([colours is not None for colours in coloured]))
 
 
 def _kept(folder: Path, about: dict[str, Any]) -> Kept:
     with np.load(folder / LAYOUT) as layout:
         arrays = dict(layout.items())
-    first, surfaces = 0, []
-    for number, entry in enumerate(about["surfaces"]):
+    surfaces: list[Surface] = []
+    for entry in about["surfaces"]:
+        first = surfaces[-1].first + surfaces[-1].count if surfaces else 0
         surfaces.append(Surface(entry["name"], first, entry["count"], receives=entry["receives"],
-                                corner_ids=arrays.get(f"corners_{number}")))
-        first += entry["count"]
+                                corner_ids=arrays["corners"][first:first + entry["count"]]))
     nothing = np.empty((0, 0, 3), np.float32)
-    coloured = arrays.get("coloured")
+    coloured = arrays["coloured"]
     bake = Bake(tuple(Lightmap(page["name"], nothing, tuple(page["surfaces"])) for page in about["pages"]),
-                tuple(arrays.get(f"uv_{number}") for number in range(len(surfaces))), arrays["page_of_surface"],
-                None if coloured is None else tuple(nothing if is_there else None for is_there in coloured),
+                tuple(arrays["uv"][surface.triangles] if there else None
+                      for surface, there in zip(surfaces, arrays["laid_out"], strict=True)), arrays["page_of_surface"],
+                tuple(nothing if there else None for there in coloured) if coloured.any() else None,
                 about["report"])
     stacks = tuple(_stack(folder / LAYERS.format(number), scales) for number, scales in enumerate(about["scales"]))
     groups = tuple(Group(entry["name"], tuple(_member(one) for one in entry["members"]), tuple(entry["tint"]))

@@ -4,9 +4,8 @@ from __future__ import annotations
 
 import bpy
 
-from . import patch_mesh, preview, results
+from . import patch_mesh, preview, results, view_settings
 from .baked_images import MARK
-from .findings import forget_findings
 from .mesh_layers import remove_ours
 
 
@@ -16,8 +15,7 @@ def clear() -> tuple[int, int]:
     patch_mesh.remove()
     for scene in bpy.data.scenes:
         if scene.library is None:
-            scene.radiosity_view.rows.clear()
-            forget_findings(scene)
+            view_settings.forget(scene)
     meshes = sum(remove_ours(mesh) for mesh in bpy.data.meshes if mesh.library is None)
     for item in bpy.data.objects:
         if item.library is None:

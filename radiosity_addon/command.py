@@ -16,6 +16,7 @@ from typing import Any, NoReturn
 
 from ..solver.errors import OutputError, RadiosityError, SettingsError
 from ..solver.settings import ATLASES, PASSES, PRESETS, QUANTITIES, TARGETS
+from . import compare_request
 
 PROGRAM = "radiosity"
 # Arguments that are words of `solver.Settings`.
@@ -44,6 +45,12 @@ def build_parser(*, blend: bool = True) -> argparse.ArgumentParser:
         _add_words(command)
         _add_places(command)
         _add_groups(command, keep=command is not relight)
+    compare = commands.add_parser("compare", help="bake with Cycles too, and tell the error and both times",
+                                  allow_abbrev=False)
+    if blend:
+        compare.add_argument("blend", type=Path, metavar="SCENE.blend", help="the scene")
+    _add_words(compare)
+    compare_request.add_arguments(compare)
     return parser
 
 
@@ -114,13 +121,13 @@ def parse(argv: Sequence[str], *, blend: bool) -> argparse.Namespace:
     return arguments
 
 
-def parse_options(text: str) -> argparse.Namespace:
-    """The options of `bake` from one line of text, for the operator."""
+def parse_options(text: str, command: str = "bake") -> argparse.Namespace:
+    """The options of a sub-command from one line of text, for its operator."""
     try:
         words = shlex.split(text)
     except ValueError as cause:
         raise SettingsError(f"options {text!r} can't be read: {cause}") from cause
-    return parse(["bake", *words], blend=False)
+    return parse([command, *words], blend=False)
 
 
 def request_of(arguments: argparse.Namespace, scene: Any, blend: str) -> Any:
@@ -143,6 +150,15 @@ def request_of(arguments: argparse.Namespace, scene: Any, blend: str) -> Any:
                    given.get("apply_modifiers", scene.radiosity.apply_modifiers or save is not None),
                    given.get("groups", scene.radiosity.groups),
                    given.get("group_layers", scene.radiosity.group_layers))
+
+
+def compare_request_of(arguments: argparse.Namespace, scene: Any, blend: str) -> Any:
+    """The CompareRequest of these arguments, as `request_of`."""
+    from .settings import settings_of
+
+    given = vars(arguments)
+    settings = settings_of(scene, {name: given[name] for name in WORDS if name in given})
+    return compare_request.request_of(given, settings, blend)
 
 
 def main(argv: Sequence[str]) -> int:
@@ -186,6 +202,10 @@ def _run(arguments: argparse.Namespace) -> int:
     import bpy
 
     scene, view_layer = bpy.context.scene, bpy.context.view_layer
+    if arguments.command == "compare":
+        from .compare_command import compare
+
+        return compare(compare_request_of(arguments, scene, bpy.data.filepath), scene, view_layer)
     request = request_of(arguments, scene, bpy.data.filepath)
     if arguments.command == "check":
         from .check import check

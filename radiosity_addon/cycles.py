@@ -1,6 +1,7 @@
-"""What Blender offers only as a render: Cycles renders a world to a map, and a render's own view of the scene.
+"""What Blender offers only as a render: Cycles renders a world to a map or bakes a material, and a render's own view
+of the scene.
 
-The only file that calls `bpy.ops.render`.
+The only file that calls `bpy.ops.render` and `bpy.ops.object.bake`.
 """
 
 from __future__ import annotations
@@ -45,7 +46,7 @@ def render_world(world: Any) -> Float:
         If Cycles is not there or can't render the world.
     """
     with _world_scene(world) as scene:
-        return _rendered(scene, world.name)
+        return rendered(scene, world.name)
 
 
 def render_world_window(world: Any, axis: Float, right: Float, up: Float, half: float) -> Float:
@@ -68,17 +69,24 @@ def render_world_window(world: Any, axis: Float, right: Float, up: Float, half: 
         camera.rotation_euler = Matrix(np.stack([right, up, -axis], axis=1).tolist()).to_euler()
         scene.render.resolution_x = scene.render.resolution_y = WINDOW_SIDE
         scene.cycles.samples = WINDOW_SAMPLES
-        return _rendered(scene, world.name)
+        return rendered(scene, world.name)
 
 
-def _rendered(scene: Any, name: str) -> Float:
+def rendered(scene: Any, name: str) -> Float:
+    """What the camera of a scene of our own sees, (h, w, 3) float32, row 0 at the bottom.
+
+    Raises
+    ------
+    SceneError
+        Naming the world or lamp `name`, if Cycles can't render it.
+    """
     with tempfile.TemporaryDirectory(prefix="radiosity-world-") as folder:
         path = Path(folder) / "world.exr"
         scene.render.filepath = str(path)
         with _render_result_kept(), _quiet():
             bpy.ops.render.render(write_still=True, scene=scene.name)
         if not path.is_file():
-            raise SceneError(f"world {name!r} could not be rendered by Cycles: simplify its node tree")
+            raise SceneError(f"{name!r} could not be rendered by Cycles: simplify its node tree")
         return _read(path)
 
 
@@ -126,6 +134,60 @@ def with_render_depsgraph(scene: Any, view_layer: Any, use: Callable[[Any], Resu
     return outcome[0]
 
 
+def bake_emission(item: Any, uv_map: str, width: int, height: int, frame: int) -> Float:
+    """What an object shines with, by Cycles: (height, width, 4) float32, alpha 1 where its UV map lies, else 0.
+
+    Parameters
+    ----------
+    item : object that is in no scene, with one material, of which it is the only user.
+    uv_map : name of the UV map to bake over; values are those at the texels' middles.
+    frame : number of the frame, for what is animated.
+
+    Raises
+    ------
+    RuntimeError
+        If Cycles is not there or can't bake.
+    """
+    scene = bpy.data.scenes.new("radiosity bake")
+    image = bpy.data.images.new("radiosity bake", width, height, alpha=True, float_buffer=True)
+    try:
+        if not hasattr(scene, "cycles"):
+            raise RuntimeError("Cycles is switched off: switch it on in Preferences > Add-ons")
+        image.colorspace_settings.name = "Non-Color"
+        image.pixels.foreach_set(np.zeros(width * height * 4, np.float32))
+        nodes = item.active_material.node_tree.nodes
+        nodes.active = nodes.new("ShaderNodeTexImage")
+        nodes.active.image = image
+        scene.collection.objects.link(item)
+        scene.frame_current = frame
+        scene.render.engine = "CYCLES"
+        scene.cycles.device, scene.cycles.samples = "CPU", 1
+        scene.cycles.use_adaptive_sampling = scene.cycles.use_denoising = False
+        scene.cycles.sample_clamp_direct = scene.cycles.sample_clamp_indirect = 0.0
+        layer = scene.view_layers[0]
+        item.select_set(True, view_layer=layer)
+        layer.objects.active = item
+        with _quiet(), bpy.context.temp_override(
+                scene=scene, view_layer=layer, active_object=item, object=item, selected_objects=[item],
+                selected_editable_objects=[item]):
+            bpy.ops.object.bake(type="EMIT", target="IMAGE_TEXTURES", save_mode="INTERNAL", margin=0, use_clear=False,
+                                uv_layer=uv_map)
+        pixels = np.empty(width * height * 4, np.float32)
+        image.pixels.foreach_get(pixels)
+        return pixels.reshape(height, width, 4)
+    finally:
+        remove_scene(scene)
+        bpy.data.images.remove(image)
+
+
+def remove_scene(scene: Any) -> None:
+    """Remove a scene of our own that no window shows.
+
+    `bpy.data.scenes.remove` asks for the context's window: Blender 4.3 crashes where there is none, as under `-c`.
+    """
+    bpy.data.batch_remove([scene])
+
+
 @contextmanager
 def _world_scene(world: Any) -> Iterator[Any]:
     """A scene of its own with nothing but the world and a panoramic camera; gone afterwards."""
@@ -144,10 +206,10 @@ def _world_scene(world: Any) -> Iterator[Any]:
         copy.cycles_visibility.camera = True
         # Nothing here is lit by it: Cycles need not build its map for sampling, which takes seconds.
         copy.cycles.sampling_method = "NONE"
-        _set_up_render(scene)
+        set_up_render(scene)
         yield scene
     finally:
-        bpy.data.scenes.remove(scene)
+        remove_scene(scene)
         bpy.data.objects.remove(viewer)
         bpy.data.cameras.remove(camera)
         bpy.data.worlds.remove(copy)
@@ -166,7 +228,8 @@ def _read(path: Path) -> Float:
         bpy.data.images.remove(image)
 
 
-def _set_up_render(scene: Any) -> None:
+def set_up_render(scene: Any) -> None:
+    """Settings of a render of plain light, as large as the map of a world."""
     render, settings = scene.render, scene.cycles
     render.engine = "CYCLES"
     render.resolution_x, render.resolution_y, render.resolution_percentage = WORLD_WIDTH, WORLD_HEIGHT, 100
@@ -244,9 +307,10 @@ def _render_result_kept() -> Iterator[None]:
         return
     # Blender can't take a slot away again but by an operator of the image editor, so ours is made once and reused.
     active = image.render_slots.active_index
-    if SLOT not in image.render_slots:
+    # Blender up to 4.3 can't look slots up by name.
+    if SLOT not in [slot.name for slot in image.render_slots]:
         image.render_slots.new(name=SLOT)
-    image.render_slots.active_index = image.render_slots.find(SLOT)
+    image.render_slots.active_index = [slot.name for slot in image.render_slots].index(SLOT)
     try:
         yield
     finally:

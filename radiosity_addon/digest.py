@@ -19,6 +19,9 @@ LOOKS = frozenset({"rna_type", "type", "location", "location_absolute", "width",
                    "warning_propagation", "debug_zone_body_lazy_function_graph", "debug_zone_lazy_function_graph"})
 # Nodes inside nodes are followed this deep.
 DEEPEST = 32
+# Types that are asked for often: what Python knows, and Blender's, which it looks up anew each time.
+PLAIN = frozenset({str, bytes, float, int, bool, type(None)})
+IMAGE, NODE_TREE, ID = bpy.types.Image, bpy.types.NodeTree, bpy.types.ID
 # By node, inputs for colour and strength of light: they may be turned after a bake, and are in no sum.
 LIGHT_INPUTS = {
     "ShaderNodeBackground": ("Color", "Strength"),
@@ -36,14 +39,16 @@ def digest(*values: Any) -> str:
 
 
 def _add(state: Any, value: Any, depth: int) -> None:
-    if isinstance(value, np.ndarray):
+    if type(value) in PLAIN:
+        state.update(f"{value!r};".encode())
+    elif isinstance(value, np.ndarray):
         state.update(f"{value.dtype.str}{value.shape}".encode())
         state.update(np.ascontiguousarray(value).data)
-    elif isinstance(value, bpy.types.Image):
+    elif isinstance(value, IMAGE):
         _add(state, _image(value), depth)
-    elif isinstance(value, bpy.types.NodeTree):
+    elif isinstance(value, NODE_TREE):
         _add_tree(state, value, depth)
-    elif isinstance(value, bpy.types.ID):
+    elif isinstance(value, ID):
         state.update(f"{type(value).__name__} {value.name_full};".encode())
     elif is_dataclass(value):
         state.update(type(value).__name__.encode())
@@ -53,6 +58,9 @@ def _add(state: Any, value: Any, depth: int) -> None:
     elif isinstance(value, dict):
         _add(state, sorted(value.items()), depth)
     elif isinstance(value, tuple | list):
+        if all(type(item) is float for item in value):
+            state.update(f"{value!r};".encode())
+            return
         state.update(f"{len(value)}(".encode())
         for item in value:
             _add(state, item, depth)
@@ -109,7 +117,7 @@ def _add_settings(state: Any, thing: Any, left_out: frozenset[str], depth: int) 
         if name in left_out or name.startswith("bl_") or name == "rna_type":
             continue
         value = getattr(thing, name, None)
-        if prop.type == "POINTER" and value is not None and not isinstance(value, bpy.types.ID):
+        if prop.type == "POINTER" and value is not None and not isinstance(value, ID):
             _add_settings(state, value, frozenset(), depth + 1)
         elif prop.type == "COLLECTION":
             for item in value or ():
@@ -121,6 +129,6 @@ def _add_settings(state: Any, thing: Any, left_out: frozenset[str], depth: int) 
 
 def _plain(value: Any) -> Any:
     """Blender's vectors and arrays as tuples; all else as it is."""
-    if isinstance(value, str | bytes | bpy.types.ID) or not hasattr(value, "__len__"):
+    if type(value) in PLAIN or isinstance(value, ID) or not hasattr(value, "__len__"):
         return value
     return tuple(_plain(item) for item in value)

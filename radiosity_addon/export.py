@@ -20,7 +20,8 @@ from ..solver.settings import Settings
 from . import cycles, preview
 from .assembly import Assembly
 from .binding import Binding
-from .lights import export_lights
+from .lamp_nodes import Emissions, read_emissions
+from .lights import export_lights, lamp_data
 from .receiving import choose_receivers
 from .units import per_blender_unit
 from .visible import shown_meshes
@@ -37,14 +38,17 @@ class Exported:
     scene : the arrays.
     bindings : one a surface of the scene, in the same order.
     settings : for the solver: `only` is settled already by `Surface.receives`.
+    materials : the report's rows on what becomes of each material.
     """
 
     scene: Scene
     bindings: tuple[Binding, ...]
     settings: Settings
+    materials: tuple[dict[str, Any], ...] = ()
 
 
-def export_scene(scene: Any, view_layer: Any, settings: Settings, warnings: Warnings) -> Exported:
+def export_scene(scene: Any, view_layer: Any, settings: Settings, warnings: Warnings,
+                 convert: bool = False) -> Exported:
     """Read the whole scene.
 
     Parameters
@@ -52,6 +56,7 @@ def export_scene(scene: Any, view_layer: Any, settings: Settings, warnings: Warn
     scene, view_layer : bpy scene, and its layer to bake.
     settings : what to bake.
     warnings : gets what the user should know.
+    convert : whether curves, text and generated instances are baked too, as they will become meshes (`conversion`).
 
     Raises
     ------
@@ -62,23 +67,33 @@ def export_scene(scene: Any, view_layer: Any, settings: Settings, warnings: Warn
     # A view of an older bake would be read as light of its own.
     with preview.suspended():
         sky, suns = read_world(scene.world, warnings)
-        return cycles.with_render_depsgraph(
-            scene, view_layer, lambda depsgraph: _collect(depsgraph, settings, sky, suns, warnings))
+        emissions = read_emissions(lamp_data(scene), warnings)
+        assembly, bindings, lamps = cycles.with_render_depsgraph(
+            scene, view_layer, lambda depsgraph: _collect(depsgraph, settings, emissions, warnings, convert))
+        # Only now: Cycles can't bake materials while the dependency graph is handed out, which is a render.
+        assembly.materials.evaluate(scene.frame_current)
+    return _lit(assembly, bindings, (*lamps, *suns), sky, settings)
 
 
-def _collect(depsgraph: Any, settings: Settings, sky: Sky, suns: tuple[Light, ...], warnings: Warnings) -> Exported:
+def _collect(depsgraph: Any, settings: Settings, emissions: Emissions, warnings: Warnings,
+             convert: bool) -> tuple[Assembly, tuple[Binding, ...], tuple[Light, ...]]:
     shown = shown_meshes(depsgraph, warnings)
     if not shown:
         raise NothingToBake("a render of the scene shows no mesh with faces: add one, or make it visible in renders")
-    bindings = choose_receivers(shown, settings, warnings)
+    bindings = choose_receivers(shown, settings, warnings, convert)
     assembly = Assembly(settings, warnings)
     for item, binding in zip(shown, bindings, strict=True):
         assembly.add(item, binding)
-    made = assembly.scene((*export_lights(depsgraph, warnings), *suns), sky)
+    return assembly, bindings, export_lights(depsgraph, warnings, emissions)
+
+
+def _lit(assembly: Assembly, bindings: tuple[Binding, ...], lights: tuple[Light, ...], sky: Sky,
+         settings: Settings) -> Exported:
+    made = assembly.scene(lights, sky)
     if not any(surface.receives for surface in made.surfaces):
         raise NothingToBake("no object that is to be baked has an opaque face with an area")
     if not made.lights and made.sky.is_black and not np.asarray(made.emission).any():
         raise NothingToBake("the scene has no light: add a lamp, an emissive material, or light in the world")
     bindings = tuple(replace(binding, receives=surface.receives)
                      for binding, surface in zip(bindings, made.surfaces, strict=True))
-    return Exported(made, bindings, replace(settings, only=()))
+    return Exported(made, bindings, replace(settings, only=()), tuple(assembly.materials.rows.values()))

@@ -31,10 +31,10 @@ GROUP, RANGE, STEP = "Radiosity False Colors", "range", "step"
 
 
 def nice_step(span: float) -> float:
-    """1, 2 or 5 times a power of ten, so that about `STEPS` fit into the span."""
+    """1, 2, 2.5 or 5 times a power of ten, so that about `STEPS` fit into the span."""
     rough = max(span, 1e-12) / STEPS
     power = 10.0 ** math.floor(math.log10(rough))
-    return power * next((factor for factor in (1, 2, 5) if factor * power >= rough * 0.999), 10)
+    return power * next((factor for factor in (1, 2, 2.5, 5) if factor * power >= rough * 0.999), 10)
 
 
 def nice_top(value: float) -> float:
@@ -48,6 +48,11 @@ def ticks(low: float, high: float, step: float) -> list[float]:
     first = math.ceil(low / step + 1e-6)
     inner = [number * step for number in range(first, math.floor(high / step) + 1)]
     return [low, *(value for value in inner if low + step / 4 < value < high - step / 4), high]
+
+
+def number(value: float) -> str:
+    """Four digits for people, without an exponent."""
+    return f"{value:.0f}" if abs(value) >= 1000 else f"{value:.4g}" if abs(value) >= 1e-3 or value == 0 else "0"
 
 
 def colour(part: Float) -> Float:
@@ -106,8 +111,8 @@ def _material(scale: Any, value: Any) -> Any:
     return made
 
 
-def scale_group(low: float, high: float, step: float) -> Any:
-    """A node group from a value to its colour, isolines included."""
+def scale_group(low: float, high: float, step: float, isolines: bool = True) -> Any:
+    """A node group from a value to its colour, with isolines unless values are steps themselves."""
     tree = bpy.data.node_groups.new(GROUP, "ShaderNodeTree")
     tree[VIEW_MARK] = True
     tree.interface.new_socket("Value", in_out="INPUT", socket_type="NodeSocketFloat")
@@ -118,8 +123,11 @@ def scale_group(low: float, high: float, step: float) -> Any:
     tree.links.new(value, part.inputs["Value"])
     tree.links.new(part.outputs["Result"], ramp.inputs["Fac"])
     shade = add(tree, "ShaderNodeVectorMath", 400, operation="SCALE")
+    shade.inputs["Scale"].default_value = 1.0
     tree.links.new(ramp.outputs["Color"], shade.inputs[0])
-    tree.links.new(_isolines(tree, value), shade.inputs["Scale"])
+    lines = _isolines(tree, value)
+    if isolines:
+        tree.links.new(lines, shade.inputs["Scale"])
     out = add(tree, "NodeGroupOutput", 600)
     tree.links.new(shade.outputs["Vector"], out.inputs["Color"])
     set_scale(low, high, step)

@@ -9,16 +9,9 @@ from typing import Any
 def keep_findings(scene: Any, warnings: Iterable[dict[str, Any]]) -> None:
     """Put warnings in place of older ones."""
     view = scene.radiosity_view
-    forget_findings(scene)
+    view.findings.clear()
     for warning in warnings:
         finding = view.findings.add()
         finding.name = str(warning.get("object") or "")
         finding.code, finding.message = str(warning["code"]), str(warning["message"])
     view.checked = True
-
-
-def forget_findings(scene: Any) -> None:
-    """Empty the list."""
-    view = scene.radiosity_view
-    view.findings.clear()
-    view.checked = False

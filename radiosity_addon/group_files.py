@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from ..solver.groups import shown
 from ..solver.mixing import Layer
-from ..solver.quantities import UNITS
+from ..solver.quantities import header
 from ..solver.result import Bake
 from . import baked_images
 from .report import relative_to_report
@@ -37,9 +37,8 @@ def write_group_files(bake: Bake, request: Request, outputs: list[dict[str, Any]
     for number, page in enumerate(bake.lightmaps):
         layers = {name: shown(_values(parts[number]) * bake.groups.tints[name], settings.quantity)
                   for name, parts in bake.groups.layers.items()}
-        header: dict[str, str | float] = {"software": "Radiosity Lightmaps", "quantity": settings.quantity,
-                                          "unit": UNITS[settings.quantity], "passes": settings.passes}
-        path = baked_images.write_file(request.output, page.name + SUFFIX, sum_of(layers), header, taken, layers)
+        about = {**header(settings, bake.report), "software": "Radiosity Lightmaps"}
+        path = baked_images.write_file(request.output, page.name + SUFFIX, sum_of(layers), about, taken, layers)
         paths.append(path)
         for entry in outputs:
             if entry["object"] in page.surfaces:

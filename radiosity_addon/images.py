@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from ..solver.errors import SceneError
 from ..solver.scene import Texture
+from .sockets import ASSOCIATED
 from .warn import Warnings, warn
 
 Float = NDArray[np.floating[Any]]
@@ -19,6 +20,9 @@ Float = NDArray[np.floating[Any]]
 LINEAR_SPACES = frozenset({"Linear Rec.709", "Non-Color", "Linear", "Raw", "scene_linear"})
 # Longest side of a texture that is kept; larger ones are averaged down (4,096 x 4,096 floats would be 200 MB each).
 LONGEST_SIDE = 2048
+# Cycles filters byte images before it decodes them, the solver afterwards: images up to this side are made larger
+# before they are decoded, where the difference between neighbouring pixels is seen.
+SMALL_SIDE, ENLARGED = 256, 8
 
 
 def read_texture(image: Any, material: str, warnings: Warnings) -> Texture:
@@ -45,8 +49,12 @@ def read_texture(image: Any, material: str, warnings: Warnings) -> Texture:
     values = np.empty(width * height * channels, np.float32)
     image.pixels.foreach_get(values)
     pixels = values.reshape(height, width, channels)
+    alpha = pixels[:, :, 3:]
     pixels = np.repeat(pixels[:, :, :1], 3, axis=2) if channels < 3 else pixels[:, :, :3]
     if not image.is_float:
+        if image.alpha_mode in ASSOCIATED and alpha.size and alpha.min() < 1:
+            # As Cycles does: the colour, still coded in bytes, is multiplied by alpha and rounded down.
+            pixels = np.floor(np.rint(pixels * 255) * np.rint(alpha * 255) / 255) / np.float32(255)
         pixels = _to_linear(pixels, image, material, warnings)
     if not np.isfinite(pixels).all() or pixels.min() < 0:
         warn(warnings, material, "texture", f"image {image.name!r} has values that are negative or not finite: "
@@ -70,8 +78,21 @@ def _to_linear(pixels: Float, image: Any, material: str, warnings: Warnings) -> 
     if space != "sRGB":
         warn(warnings, material, "texture", f"image {image.name!r} has the colour space {space!r}: it is read as sRGB")
     # A byte has 256 values: looked up, they cost a tenth of the power function.
+    if max(pixels.shape[:2]) <= SMALL_SIDE:
+        return srgb_to_linear(_enlarged(pixels))
     table = srgb_to_linear(np.arange(256, dtype=np.float32) / 255)
     return np.asarray(table[np.rint(pixels * 255).astype(np.uint8)])
+
+
+def _enlarged(pixels: Float) -> Float:
+    """The image with `ENLARGED` pixels for each, between the old ones' middles bilinear, repeated at its edges."""
+    for axis in (0, 1):
+        place = (np.arange(pixels.shape[axis] * ENLARGED) + 0.5) / ENLARGED - 0.5
+        low = np.floor(place).astype(np.intp)
+        part = (place - low).astype(np.float32).reshape((-1, 1, 1) if axis == 0 else (1, -1, 1))
+        first, second = (np.take(pixels, low + step, axis=axis, mode="wrap") for step in (0, 1))
+        pixels = first * (1 - part) + second * part
+    return pixels
 
 
 def _shrunk(pixels: Float) -> Float:

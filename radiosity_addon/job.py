@@ -78,7 +78,8 @@ class Job:
         with self._timed("export"):
             self._made = self.request.check_writable()
             scene, layer = self._place()
-            self._exported = export_scene(scene, layer, self.request.settings, self.warnings)
+            self._exported = export_scene(scene, layer, self.request.settings, self.warnings,
+                                          self.request.apply_modifiers)
             self._groups = KeptGroups.of(self._exported.scene, scene, layer, self.request)
         self.progress("export", 1.0)
 
@@ -120,7 +121,7 @@ class Job:
         full = report.complete(
             self._bake.report, scene=bpy.data.filepath or self._scene_name, blender=compat.version(),
             settings=self.request.settings, outputs=outputs, warnings=self.warnings, stages=self._seconds,
-            seconds=time.perf_counter() - self._started)
+            seconds=time.perf_counter() - self._started, materials=self._exported.materials)
         if self.request.report_path is not None:
             report.write(full, self.request.report_path)
         self.progress("write", 1.0)

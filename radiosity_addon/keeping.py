@@ -53,10 +53,12 @@ class KeptGroups:
         OutputError
             If it can't be written.
         """
-        folder = cache.folder_of(request, scene_name)
-        if self.seen is None:
+        folders = cache.places(request.output, scene_name)
+        for folder in folders:
             cache.clear(folder)
+        if self.seen is None:
             return
-        cache.keep(folder, bake, self.groups, self.seen, request.settings, exported.scene.surfaces, exported.bindings)
+        cache.keep(folders[0], bake, self.groups, self.seen, request.settings, exported.scene.surfaces,
+                   exported.bindings)
         if request.group_layers:
             write_group_files(bake, request, outputs)

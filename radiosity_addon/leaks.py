@@ -42,7 +42,7 @@ def is_share(name: str) -> bool:
 
 
 def worst_first(table: PatchTable, name: str) -> NDArray[np.intp]:
-    """Patches in the order of their figure; shares count by the area that they stand for. Those with nothing are out."""
+    """Patches in the order of their figure, those with nothing left out; shares count times the patch's area."""
     value = figure(table, name) * (table.area if is_share(name) else 1)
     order = np.argsort(-value, kind="stable")
     return order[value[order] > 0]
@@ -67,7 +67,7 @@ def show(scene: Any) -> int:
     view.scale_title = TITLES[view.figure]
     mesh = _squares(table)
     mesh.attributes.new("figure", "FLOAT", "FACE").data.foreach_set("value", np.ascontiguousarray(values, np.float32))
-    scale = false_colour.scale_group(0.0, view.scale_high, view.scale_step)
+    scale = false_colour.scale_group(0.0, view.scale_high, view.scale_step, isolines=False)
     mesh.materials.append(false_colour.material_of_attribute("figure", scale))
     show_only(scene, NAME, mesh)
     return len(table)
@@ -85,7 +85,7 @@ def show_only(scene: Any, name: str, mesh: Any) -> Any:
 def place(table: PatchTable, objects: Sequence[str], index: int, context: Any) -> str:
     """Move the 3D cursor to a patch and select its object alone; the object's name."""
     context.scene.cursor.location = table.middle[index].tolist()
-    name = objects[table.surface[index]]
+    name = str(objects[table.surface[index]])
     item = context.view_layer.objects.get(name)
     if item is not None and context.mode == "OBJECT":
         for other in context.view_layer.objects:

@@ -37,7 +37,7 @@ def lines(view: Any) -> list[tuple[float, str]]:
     """Where on the scale (0 ... 1) which value stands."""
     low, high, step = view.scale_low, view.scale_high, view.scale_step
     span = max(high - low, 1e-12)
-    return [((value - low) / span, f"{value:.4g}") for value in false_colour.ticks(low, high, step)]
+    return [((value - low) / span, false_colour.number(value)) for value in false_colour.ticks(low, high, step)]
 
 
 def _draw() -> None:

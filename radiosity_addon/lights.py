@@ -11,57 +11,97 @@ from numpy.typing import NDArray
 from ..solver.area_lamp import Area
 from ..solver.lamps import Point, Sun
 from ..solver.lights import Light
+from ..solver.luminaire import NATURAL, Luminaire
+from ..solver.shadowless import Shadowless
 from ..solver.spot import Spot
-from .sockets import Colour, Reader
+from .lamp_nodes import CODE, Emissions, LampEmission
 from .warn import Warnings, warn
 
 Float = NDArray[np.floating[Any]]
 
-CODE = "lamp"
 # Cosine between the sides of an area lamp above which it counts as sheared.
 SHEAR = 1e-3
+# Difference of a pattern's channels, relative to its peak, up to which it has one colour.
+ONE_COLOUR = 1e-2
+# Fewer bounces than this that a lamp's light may make are told of; diffuse light of more is faint.
+FEW_BOUNCES = 8
 
 
-def export_lights(depsgraph: Any, warnings: Warnings) -> tuple[Light, ...]:
+def export_lights(depsgraph: Any, warnings: Warnings, emissions: Emissions | None = None) -> tuple[Light, ...]:
     """The lamps that are rendered, instances included.
 
     Parameters
     ----------
     depsgraph : evaluated bpy dependency graph.
+    emissions : what the nodes of the lamps give, see `lamp_nodes`; None: as if they had none.
     warnings : gets a warning, with the lamp's name, for all that is not baked as Cycles renders it.
 
     Returns
     -------
     Lamps in world space, in the order of the dependency graph; those that send nothing are left out.
     """
-    lights = []
+    lights: list[Light] = []
     for instance in depsgraph.object_instances:
         lamp = instance.object
         if lamp.type != "LIGHT" or not instance.show_self or lamp.hide_render:
             continue
-        light = _export(lamp, np.array(instance.matrix_world, np.float64), warnings)
-        if light is not None:
-            lights.append(light)
+        lights += _export(lamp, np.array(instance.matrix_world, np.float64), emissions or {}, warnings)
     return tuple(lights)
 
 
-def _export(lamp: Any, matrix: Float, warnings: Warnings) -> Light | None:
+def lamp_data(scene: Any) -> list[Any]:
+    """The lights of a scene's lamps, those of instanced collections too."""
+    collections = [scene.collection]
+    met = {scene.collection}
+    lights = {}
+    for collection in collections:
+        for item in collection.all_objects:
+            if item.type == "LIGHT":
+                lights[item.data.name_full] = item.data
+            instanced = item.instance_collection if item.instance_type == "COLLECTION" else None
+            if instanced is not None and instanced not in met:
+                met.add(instanced)
+                collections.append(instanced)
+    return list(lights.values())
+
+
+def _export(lamp: Any, matrix: Float, emissions: Emissions, warnings: Warnings) -> list[Light]:
     name, data = lamp.name, lamp.data
     if data.type == "AREA" and _cycles(data, "is_portal"):
-        return None  # it guides Cycles' samples and sends nothing
-    if not _lights_diffuse_surfaces(lamp, warnings):
-        return None
-    strength = _strength(name, data, warnings)
-    if not strength.any():
-        return None
+        return []  # it guides Cycles' samples and sends nothing
+    emission = emissions.get(data.original.name_full, PLAIN)
+    strength = _strength(data) * emission.factor
+    if not strength.any() or not _lights_diffuse_surfaces(lamp, warnings):
+        return []
     if (strength < 0).any() or not np.isfinite(strength).all():
         warn(warnings, name, CODE, f"its power ({', '.join(f'{value:g}' for value in strength)}) is negative or not "
              "finite: it is left out, give it a power from 0")
-        return None
+        return []
     if abs(np.linalg.det(matrix[:3, :3])) == 0 and data.type != "POINT":
         warn(warnings, name, CODE, "its scale is 0 along an axis: it is left out, give it a scale that is not 0")
-        return None
-    return MAKERS[data.type](name, data, matrix, strength, warnings)
+        return []
+    made = [MAKERS[data.type](name, data, matrix, part, warnings) for part in _by_colour(strength, emission)]
+    lights = [_shaped(light, emission, channel, matrix) for channel, light in enumerate(made) if light is not None]
+    return lights if data.use_shadow else [Shadowless(light) for light in lights]
+
+
+def _by_colour(strength: Float, emission: LampEmission) -> list[Float]:
+    """The strength as one, or channel by channel where the pattern has several colours."""
+    if emission.pattern is None or np.ptp(emission.pattern[..., strength > 0], axis=2).max() <= ONE_COLOUR:
+        return [strength]
+    return [strength * channel for channel in np.eye(3)]
+
+
+def _shaped(light: Light, emission: LampEmission, channel: int, matrix: Float) -> Light:
+    """The lamp with what its nodes make of its directions and falloff."""
+    if isinstance(light, Sun) or (emission.pattern is None and emission.falloff == NATURAL):
+        return light
+    assert isinstance(light, Point | Area)
+    if emission.pattern is None:
+        return Luminaire(light, falloff=emission.falloff)
+    lit = np.flatnonzero(light.colour)
+    pattern = emission.pattern[..., lit].mean(axis=2) if len(lit) > 1 else emission.pattern[..., channel]
+    return Luminaire(light, pattern, matrix[:3, :3], emission.falloff)
 
 
 def _sun(name: str, data: Any, matrix: Float, strength: Float, warnings: Warnings) -> Light:
@@ -98,6 +138,7 @@ def _area(name: str, data: Any, matrix: Float, strength: Float, warnings: Warnin
     return Area(name, matrix[:3, 3], axis_u, axis_v, flux, round_, float(data.spread))
 
 
+PLAIN = LampEmission(np.ones(3))
 MAKERS: dict[str, Callable[[str, Any, Float, Float, Warnings], Light | None]] = {
     "SUN": _sun,
     "POINT": _point,
@@ -106,53 +147,14 @@ MAKERS: dict[str, Callable[[str, Any, Float, Float, Warnings], Light | None]] = 
 }
 
 
-def _strength(name: str, data: Any, warnings: Warnings) -> Float:
+def _strength(data: Any) -> Float:
     """(3,) float64: the lamp's colour times its power (W, or W/m2 of a sun), with all that multiplies it."""
     strength = np.array(data.color, np.float64) * data.energy
     # Exposure and temperature came with Blender 4.5.
     strength *= 2.0 ** getattr(data, "exposure", 0.0)
     if getattr(data, "use_temperature", False):
         strength *= np.array(data.temperature_color, np.float64)
-    return np.asarray(strength * _node_factor(name, data, warnings))
-
-
-def _node_factor(name: str, data: Any, warnings: Warnings) -> Float:
-    """(3,) colour times strength of the lamp's Emission node; 1 without nodes."""
-    if not data.use_nodes or data.node_tree is None:
-        return np.ones(3)
-    output = data.node_tree.get_output_node("CYCLES")
-    reader = _LampReader(name, warnings)
-    source = reader.source(output.inputs["Surface"]) if output is not None else None
-    if source is None:
-        return np.zeros(3)
-    if source.node.bl_idname != "ShaderNodeEmission":
-        reader.warn(f"its shader {source.node.bl_label!r} is not evaluated: it is left out, use Emission")
-        return np.zeros(3)
-    colour = reader.colour(source.node.inputs["Color"])
-    return np.array(colour.factor) * reader.number(source.node.inputs["Strength"])
-
-
-class _LampReader(Reader):
-    """Reads a lamp's nodes; an image or a falloff has no place in them."""
-
-    def warn(self, message: str) -> None:
-        warn(self.warnings, self.material, CODE, message)
-
-    def colour(self, socket: Any) -> Colour:
-        colour = super().colour(socket)
-        if colour.image is None:
-            return colour
-        flat = socket.default_value
-        self.warn(f"its image {colour.image.image.name!r} is not projected: the socket's own colour is used")
-        return Colour((flat[0], flat[1], flat[2]))
-
-    def number(self, socket: Any) -> float:
-        source = self.source(socket)
-        if source is None or source.node.bl_idname != "ShaderNodeLightFalloff":
-            return super().number(socket)
-        if source.name != "Quadratic" or super().number(source.node.inputs["Smooth"]) > 0:
-            self.warn(f"its falloff ({source.name}) is baked as quadratic without smoothing, as real light falls off")
-        return super().number(source.node.inputs["Strength"])
+    return np.asarray(strength)
 
 
 def _lights_diffuse_surfaces(lamp: Any, warnings: Warnings) -> bool:
@@ -160,11 +162,17 @@ def _lights_diffuse_surfaces(lamp: Any, warnings: Warnings) -> bool:
     if not lamp.visible_diffuse:
         warn(warnings, lamp.name, CODE, "it is hidden from diffuse rays (Ray Visibility): it is left out")
         return False
-    if not lamp.data.use_shadow:
-        warn(warnings, lamp.name, CODE, "it is set to cast no shadow: its light is baked with shadows")
-    linking = getattr(lamp, "light_linking", None)
-    if linking is not None and (linking.receiver_collection or linking.blocker_collection):
-        warn(warnings, lamp.name, CODE, "it is linked to some objects (Light Linking): it is baked on all")
+    linking = lamp.light_linking
+    if linking.receiver_collection is not None:
+        warn(warnings, lamp.name, CODE, f"it is linked to the objects of {linking.receiver_collection.name!r} (Light "
+             "Linking): it is baked on all objects")
+    if linking.blocker_collection is not None:
+        warn(warnings, lamp.name, CODE, f"its shadows are linked to the objects of {linking.blocker_collection.name!r} "
+             "(Shadow Linking): all objects cast its shadows")
+    bounces = getattr(getattr(lamp.data, "cycles", None), "max_bounces", None)
+    if bounces is not None and bounces < FEW_BOUNCES:
+        warn(warnings, lamp.name, CODE, f"its light is to end after {bounces} bounces (Max Bounces): it is baked with "
+             "all of them")
     return True
 
 

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..solver.errors import NothingToBake, OutputError
-from ..solver.quantities import LUMINANCE, LUMINOUS_EFFICACY
+from ..solver.quantities import photometric
 from ..solver.raster import rasterise
 from . import false_colour
 from .baked_light import TO_RADIANCE
@@ -22,6 +22,8 @@ from .results import Result, results
 
 Float = NDArray[np.floating[Any]]
 
+# An automatic scale goes no further than this times the mean over the whole area: a lamp's own spot would take it all.
+SPAN = 3.0
 COLUMNS = ("name", "minimum lx", "mean lx", "maximum lx", "uniformity", "area m2")
 
 
@@ -51,7 +53,7 @@ class Row:
 def illuminance(stored: Float, quantity: str) -> Float:
     """Values (..., 3) of a lightmap as illuminance (...), lx."""
     # TO_RADIANCE leads to E / pi.
-    return np.asarray(stored @ LUMINANCE * (LUMINOUS_EFFICACY * np.pi * TO_RADIANCE[quantity]), np.float32)
+    return np.asarray(photometric(stored) * (np.pi * TO_RADIANCE[quantity]), np.float32)
 
 
 def measure(scene: Any, depsgraph: Any) -> list[Row]:
@@ -71,7 +73,7 @@ def measure(scene: Any, depsgraph: Any) -> list[Row]:
         if len(lux):
             rows.append(Row.of(result.item.name, lux, area))
     if not rows:
-        raise NothingToBake("no object holds a bake of light that falls on it: bake radiance, irradiance or illuminance")
+        raise NothingToBake("no object holds a bake that tells of lux: bake radiance, irradiance or illuminance")
     return rows
 
 
@@ -90,9 +92,11 @@ def keep(scene: Any, rows: Iterable[Row], *, surfaces: bool) -> None:
 
 
 def fit_scale(view: Any) -> None:
-    """Let the scale hold all values of the table, or what the user asks for."""
+    """Let the scale hold the values of the table but for a few bright spots, or what the user asks for."""
     if view.automatic:
-        low, high = 0.0, false_colour.nice_top(max((row.maximum for row in view.rows), default=1.0))
+        area = sum(row.area for row in view.rows)
+        mean = sum(row.mean * row.area for row in view.rows) / area if area > 0 else 1.0
+        low, high = 0.0, false_colour.nice_top(min(max((row.maximum for row in view.rows), default=1.0), SPAN * mean))
     else:
         low, high = view.low, max(view.high, view.low * 1.001 + 1e-9)
     view.scale_low, view.scale_high, view.scale_title = low, high, "Illuminance, lx"

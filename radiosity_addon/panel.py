@@ -68,6 +68,7 @@ class RADIOSITY_PT_layout(Tab, bpy.types.Panel):
             row = layout.row()
             row.active = not (name == "texel_density" and settings.resolution > 0)
             row.prop(settings, name)
+        layout.operator("radiosity.density", icon="TEXTURE")
 
 
 class RADIOSITY_PT_result(Tab, bpy.types.Panel):

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import difflib
+from collections import Counter
 from collections.abc import Sequence
 from typing import Any
 
@@ -18,9 +19,19 @@ from .object_settings import is_excluded
 from .visible import Shown
 from .warn import Warnings, warn
 
+# Of one object no more than so many generated instances become meshes: grass is not baked blade by blade.
+MOST_GENERATED = 256
 
-def choose_receivers(shown: Sequence[Shown], settings: Settings, warnings: Warnings) -> tuple[Binding, ...]:
+
+def choose_receivers(shown: Sequence[Shown], settings: Settings, warnings: Warnings,
+                     convert: bool = False) -> tuple[Binding, ...]:
     """One binding a shown mesh, in the same order.
+
+    Parameters
+    ----------
+    shown, settings : what there is, and what to bake.
+    warnings : gets what is not baked, and why.
+    convert : whether what has no mesh of its own will be given one (see `conversion`), so that it can be baked.
 
     Raises
     ------
@@ -32,7 +43,9 @@ def choose_receivers(shown: Sequence[Shown], settings: Settings, warnings: Warni
         If no object is left to receive light.
     """
     _check_names(shown, settings.only)
-    bindings = tuple(_bind(item, settings, warnings) for item in shown)
+    generated = Counter(item.original.name for item in shown if not item.own_mesh)
+    bindings = tuple(_bind(item, settings, warnings, convert and generated[item.original.name] <= MOST_GENERATED)
+                     for item in shown)
     if not any(binding.receives for binding in bindings):
         raise NothingToBake("no object can receive light: see the warnings above, or name others with --only")
     return bindings
@@ -43,7 +56,7 @@ def names_of(item: Shown) -> set[str]:
     return {item.name, item.original.name, *([item.instancer] if item.instancer else [])}
 
 
-def _bind(item: Shown, settings: Settings, warnings: Warnings) -> Binding:
+def _bind(item: Shown, settings: Settings, warnings: Warnings, convert: bool) -> Binding:
     named = bool(settings.only) and not names_of(item).isdisjoint(settings.only)
     wanted = named or not settings.only
     linked = item.original.library is not None or (item.own_mesh and item.original.data.library is not None)
@@ -52,7 +65,7 @@ def _bind(item: Shown, settings: Settings, warnings: Warnings) -> Binding:
         raise SceneError(f"object {item.name!r} is excluded from bakes: untick Exclude in its object properties "
                          "(Radiosity Lightmaps), or don't name it")
     wanted = wanted and not excluded
-    obstacle = _obstacle(item, settings, linked) if wanted else ""
+    obstacle = _obstacle(item, settings, linked, convert) if wanted else ""
     if obstacle and named:
         raise SceneError(f"object {item.name!r} {obstacle}")
     if obstacle:
@@ -66,7 +79,7 @@ def _bind(item: Shown, settings: Settings, warnings: Warnings) -> Binding:
                    len(item.mesh.loops), linked)
 
 
-def _obstacle(item: Shown, settings: Settings, linked: bool) -> str:
+def _obstacle(item: Shown, settings: Settings, linked: bool, convert: bool) -> str:
     """Why a mesh can't be baked, with what to do; "" if it can.
 
     Raises
@@ -80,14 +93,15 @@ def _obstacle(item: Shown, settings: Settings, linked: bool) -> str:
         raise SceneError(f"object {item.original.name!r} is in Edit Mode: leave it (Tab) and bake again")
     uses_own_uv = settings.target == "lightmap" and settings.uv_layer is not None
     has_uv = uses_own_uv and settings.uv_layer in item.mesh.uv_layers
-    if not item.own_mesh and not has_uv:
+    if not item.own_mesh and not has_uv and not (convert and not linked and not uses_own_uv):
         kind = "geometry nodes" if item.original.type == "MESH" else f"a {item.original.type.lower()}"
-        return f"is made by {kind} and has no mesh that could hold the result: convert it to a mesh (Object > Convert)"
+        return (f"is made by {kind} and has no mesh that could hold the result: convert it to a mesh (Object > "
+                "Convert), or let a bake do so (--apply-modifiers)")
     if uses_own_uv and not has_uv:
         layers = ", ".join(repr(layer.name) for layer in item.mesh.uv_layers) or "none"
         raise SettingsError(f"object {item.name!r} has no UV map {settings.uv_layer!r} (it has {layers}): "
                             "add it, choose another, or name the objects to bake with --only")
-    if not uses_own_uv and settings.target == "lightmap" and not _has_room(item.original.data):
+    if not uses_own_uv and settings.target == "lightmap" and item.own_mesh and not _has_room(item.original.data):
         return (f"has {len(item.original.data.uv_layers)} UV maps and Blender takes no more: remove one, or bake with "
                 "one of them (--uv-layer)")
     if linked and not has_uv:

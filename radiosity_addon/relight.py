@@ -64,7 +64,7 @@ def relight(request: Request, scene: Any, view_layer: Any, warnings: Warnings) -
     stages: dict[str, float] = {}
     made = request.check_writable()
     try:
-        relit = relit_scene(cache.folder_of(request, scene.name), scene, view_layer, stages)
+        relit = relit_scene(cache.find(request.output, scene.name), scene, view_layer, stages)
         start = time.perf_counter()
         done = replace(request, settings=relit.kept.settings)
         exported = _exported(relit.kept)
@@ -193,7 +193,7 @@ def relight_command(request: Request, scene: Any, view_layer: Any, given: dict[s
         See `relight`, and `check_words` for the words that were given.
     """
     warnings: Warnings = []
-    check_words(cache.read(cache.folder_of(request, scene.name)).settings, given)
+    check_words(cache.read(cache.find(request.output, scene.name)).settings, given)
     try:
         outcome = relight(request, scene, view_layer, warnings)
     finally:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import math
 import os
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -17,7 +18,8 @@ from .warn import Warnings
 
 
 def complete(report: dict[str, Any], *, scene: str, blender: str, settings: Settings, outputs: list[dict[str, Any]],
-             warnings: Warnings, stages: dict[str, float], seconds: float) -> dict[str, Any]:
+             warnings: Warnings, stages: dict[str, float], seconds: float,
+             materials: Sequence[dict[str, Any]] = ()) -> dict[str, Any]:
     """The solver's report with scene, settings, outputs, warnings, our own stages, and the whole time."""
     before = [{"name": name, "seconds": stages[name], "rays": 0} for name in ("export", "unwrap") if name in stages]
     after = [{"name": name, "seconds": stages[name], "rays": 0} for name in ("write",) if name in stages]
@@ -28,6 +30,7 @@ def complete(report: dict[str, Any], *, scene: str, blender: str, settings: Sett
         "settings": {**report["settings"], **settings.as_dict()},
         "stages": [*before, *report["stages"], *after],
         "outputs": outputs,
+        "materials": list(materials),
         "warnings": warnings,
         "peak_memory_bytes": peak_memory_bytes(),
         "seconds": seconds,

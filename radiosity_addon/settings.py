@@ -18,6 +18,12 @@ def _preset_chosen(self: Any, _context: Any) -> None:
         self.error = PRESETS[self.preset]
 
 
+def _live_switched(self: Any, context: Any) -> None:
+    from .live_relight import switched
+
+    switched(self, context)
+
+
 class RADIOSITY_PG_settings(bpy.types.PropertyGroup):
     """What to bake, and how well."""
 
@@ -37,7 +43,8 @@ class RADIOSITY_PG_settings(bpy.types.PropertyGroup):
         name="Resolution", description="Pixels a side of each image; 0 sizes images by density", default=0, min=0,
         max=MAX_RESOLUTION)
     texel_density: FloatProperty(  # type: ignore[valid-type]
-        name="Texel Density", description="Pixels per meter; 0 fills the pages", default=0.0, min=0.0, max=1e6)
+        name="Texel Density", description="Pixels per meter, as Blender shows lengths; 0 fills the pages",
+        default=0.0, min=0.0, max=1e6)
     max_pages: IntProperty(  # type: ignore[valid-type]
         name="Max Pages", description="Most images of a shared atlas", default=1, min=1, max=1024)
     atlas: EnumProperty(  # type: ignore[valid-type]
@@ -47,7 +54,7 @@ class RADIOSITY_PG_settings(bpy.types.PropertyGroup):
     quantity: EnumProperty(  # type: ignore[valid-type]
         name="Quantity", description="What a pixel says", default="radiance",
         items=[("radiance", "Radiance", "Irradiance over pi, as Cycles' diffuse bake without color"),
-               ("irradiance", "Irradiance", "W/m2"), ("illuminance", "Illuminance", "lux"),
+               ("irradiance", "Irradiance", "W/m2"), ("illuminance", "Illuminance", "lux, at 683 lm/W"),
                ("radiosity", "Radiosity", "Light that leaves the surface, W/m2")])
     passes: EnumProperty(  # type: ignore[valid-type]
         name="Passes", description="Which light is baked", default="both",
@@ -73,6 +80,9 @@ class RADIOSITY_PG_settings(bpy.types.PropertyGroup):
                ("lamp", "By Lamp", "A group for each lamp: power and color of every one can be changed"),
                ("collection", "By Collection", "Lamps of a collection are changed together"),
                ("all", "All Lamps", "All lamps are changed together")])
+    live_relight: BoolProperty(  # type: ignore[valid-type]
+        name="Live", default=False, update=_live_switched,
+        description="Update the images by themselves, a moment after a light was changed")
     group_layers: BoolProperty(  # type: ignore[valid-type]
         name="Group Layers", default=False,
         description="Write the groups as layers of an EXR file beside each image; they add up to it")

@@ -74,8 +74,12 @@ def uncovered() -> Iterator[None]:
         yield
     finally:
         for item, materials in covers:
-            following = iter(materials)
-            cover(item, lambda _material, following=following: next(following, None))
+            cover(item, _one_after_another(materials))
+
+
+def _one_after_another(materials: list[Any]) -> Callable[[Any], Any]:
+    following = iter(materials)
+    return lambda _material: next(following, None)
 
 
 def _add_slot(mesh: Any) -> bool:
@@ -95,6 +99,7 @@ def _take_slot(mesh: Any) -> None:
     if "material_index" in mesh.attributes:
         numbers = np.empty(len(mesh.polygons), np.int32)
         mesh.polygons.foreach_get("material_index", numbers)
-    mesh.materials.pop(index=0)
+    # Unlike pop(), this takes the slot off the objects too; it forgets the faces' numbers.
+    mesh.materials.clear()
     if numbers is not None:
         mesh.polygons.foreach_set("material_index", numbers)

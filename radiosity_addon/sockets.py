@@ -8,12 +8,15 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from . import constants
 from .warn import Warnings, warn
 
 Triple = tuple[float, float, float]
 
 # Longest chain of reroutes and groups that is followed; node trees can't be cyclic, so this is never met in good files.
 LONGEST_CHAIN = 64
+# Alpha modes in which Cycles multiplies an image's colour by its alpha.
+ASSOCIATED = frozenset({"STRAIGHT", "PREMUL"})
 
 
 @dataclass(frozen=True, eq=False)
@@ -65,7 +68,7 @@ def luminance(colour: Colour) -> float:
 
 
 class Reader:
-    """Reads sockets of one material's node tree, and tells in its name what it could not read."""
+    """Reads sockets of one node tree, and tells in its owner's name what it could not read."""
 
     def __init__(self, material: str, warnings: Warnings) -> None:
         self.material = material
@@ -75,6 +78,10 @@ class Reader:
     def warn(self, message: str) -> None:
         """A warning about the material."""
         warn(self.warnings, self.material, "material", message)
+
+    def guess(self, message: str) -> None:
+        """A value was guessed, since nodes would have to be evaluated to know it."""
+        self.warn(message)
 
     def source(self, socket: Any) -> Any:
         """The output socket that feeds an input, through reroutes and muted nodes; None if nothing does."""
@@ -111,10 +118,10 @@ class Reader:
         source = self.source(socket)
         if source is None:
             return float(socket.default_value)
-        if not source.is_output or source.node.bl_idname == "ShaderNodeValue":
-            return _mean(source.default_value)
-        self.warn(f"{socket.name!r} is driven by {source.node.bl_label!r}, which is not evaluated: "
-                  f"{float(socket.default_value):g} is used")
+        if (known := constants.of(source, self.source)) is not None:
+            return luminance(Colour(known))
+        self.guess(f"{socket.name!r} is driven by {source.node.bl_label!r}, which is not evaluated: "
+                   f"{float(socket.default_value):g} is used")
         return float(socket.default_value)
 
     def colour(self, socket: Any) -> Colour:
@@ -122,19 +129,16 @@ class Reader:
         source = self.source(socket)
         if source is None:
             return Colour(_triple(socket.default_value))
-        if not source.is_output or source.node.bl_idname in {"ShaderNodeRGB", "ShaderNodeValue"}:
-            return Colour(_triple(source.default_value))
+        if (known := constants.of(source, self.source)) is not None:
+            return Colour(known)
         node = source.node
         if node.bl_idname == "ShaderNodeTexImage" and source.name == "Color" and node.image is not None:
             return self._image(node)
         if node.bl_idname in {"ShaderNodeMix", "ShaderNodeMixRGB"} and (mixed := self._mix(node)) is not None:
             return mixed
-        if node.bl_idname == "ShaderNodeBlackbody":
-            self.warn("its blackbody colour is not evaluated: white is used")
-            return Colour((1.0, 1.0, 1.0))
         flat = _triple(socket.default_value)
-        self.warn(f"{socket.name!r} is driven by {node.bl_label!r}, which is not evaluated: the socket's own colour "
-                  f"({', '.join(f'{value:g}' for value in flat)}) is used")
+        self.guess(f"{socket.name!r} is driven by {node.bl_label!r}, which is not evaluated: the socket's own colour "
+                   f"({', '.join(f'{value:g}' for value in flat)}) is used")
         return Colour(flat)
 
     def sum(self, first: Colour, second: Colour) -> Colour:
@@ -144,7 +148,7 @@ class Reader:
             return Colour((r, g, b))
         if first.is_black or second.is_black:
             return second if first.is_black else first
-        self.warn("adds an image to another colour: the brighter one alone is used")
+        self.guess("adds an image to another colour: the brighter one alone is used")
         return first if luminance(first) >= luminance(second) else second
 
     def _mix(self, node: Any) -> Colour | None:
@@ -171,9 +175,19 @@ class Reader:
 
     def _image(self, node: Any) -> Colour:
         if node.projection != "FLAT":
-            self.warn(f"image {node.image.name!r} is projected as {node.projection.lower()}: it is laid out by UV here")
+            self.guess(f"image {node.image.name!r} is projected as {node.projection.lower()}: it is laid out by UV")
+        if node.extension != "REPEAT":
+            self.guess(f"image {node.image.name!r} is not repeated beyond its edges ({node.extension.lower()}): it is")
+        if node.outputs["Alpha"].is_linked and node.image.alpha_mode in ASSOCIATED:
+            # Cycles then divides the colour by alpha, and leaves it multiplied where alpha is not asked for.
+            self.guess(f"image {node.image.name!r} gives its alpha too: its colour is used as it is stored")
+        if node.image.is_float and node.image.alpha_mode == "STRAIGHT" and node.image.channels == 4:
+            # Some versions of Cycles multiply it by alpha once more.
+            self.guess(f"image {node.image.name!r} has floats with straight alpha: its colour is used as it is stored")
+        if node.image.source == "TILED":
+            self.guess(f"image {node.image.name!r} has UDIM tiles: the first alone is used")
         uv_map, matrix = self._coordinates(node.inputs["Vector"])
-        return Colour((1.0, 1.0, 1.0), ImageUse(node.image, uv_map, matrix))
+        return Colour((1.0, 1.0, 1.0), ImageUse(node.image.original, uv_map, matrix))
 
     def _coordinates(self, socket: Any) -> tuple[str, NDArray[np.float64]]:
         """The UV map's name and the (2, 3) matrix of a vector socket."""
@@ -194,7 +208,7 @@ class Reader:
             step = self._mapping(node)
             matrix = np.column_stack([matrix[:, :2] @ step[:, :2], matrix[:, :2] @ step[:, 2] + matrix[:, 2]])
             socket = node.inputs["Vector"]
-        self.warn(f"an image is laid out by {source.node.bl_label!r} {source.name!r}: the active UV map is used here")
+        self.guess(f"an image is laid out by {source.node.bl_label!r} {source.name!r}: the active UV map is used")
         return "", matrix
 
     def _mapping(self, node: Any) -> NDArray[np.float64]:
@@ -204,9 +218,9 @@ class Reader:
             if name in node.inputs and node.inputs[name].enabled:
                 values[name] = np.array(node.inputs[name].default_value, float)
                 if node.inputs[name].is_linked:
-                    self.warn(f"the {name.lower()} of its Mapping node is linked: the node's own value is used")
+                    self.guess(f"the {name.lower()} of its Mapping node is linked: the node's own value is used")
         if abs(values["Rotation"][:2]).max() > 0:
-            self.warn("its Mapping node turns about X or Y: the turn about Z alone is used")
+            self.guess("its Mapping node turns about X or Y: the turn about Z alone is used")
         angle, scale = values["Rotation"][2], values["Scale"][:2]
         turn = np.array([[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]])
         linear, offset = turn @ np.diag(scale), values["Location"][:2]
@@ -227,7 +241,3 @@ def _triple(value: Any) -> Triple:
     if hasattr(value, "__len__"):
         return float(value[0]), float(value[1]), float(value[2])
     return float(value), float(value), float(value)
-
-
-def _mean(value: Any) -> float:
-    return sum(value[:3]) / 3 if hasattr(value, "__len__") else float(value)

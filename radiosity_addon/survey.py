@@ -16,7 +16,8 @@ from ..solver.lights import Light
 from . import cycles
 from .digest import digest
 from .knobs import knobs_of, rest_of
-from .lights import export_lights
+from .lamp_nodes import Emissions, read_emissions
+from .lights import export_lights, lamp_data
 from .mesh_layers import COLOURS_MARK, UV_MARK
 from .sockets import Triple
 from .visible import Shown, shown_meshes
@@ -89,13 +90,14 @@ def survey(scene: Any, view_layer: Any) -> Survey:
         As an export does.
     """
     world = scene.world
+    emissions = read_emissions(lamp_data(scene), [])
     return cycles.with_render_depsgraph(
-        scene, view_layer, lambda depsgraph: _look(depsgraph, Source(rest_of(world), knobs_of(world))))
+        scene, view_layer, lambda depsgraph: _look(depsgraph, emissions, Source(rest_of(world), knobs_of(world))))
 
 
-def _look(depsgraph: Any, world: Source) -> Survey:
+def _look(depsgraph: Any, emissions: Emissions, world: Source) -> Survey:
     unheard: Warnings = []
-    lamps = export_lights(depsgraph, unheard)
+    lamps = export_lights(depsgraph, unheard, emissions)
     found = Survey(lamps=_lamps(lamps), world=world, lamp_count=len(lamps))
     known: dict[int, str] = {}
     for item in shown_meshes(depsgraph, unheard):
@@ -125,8 +127,8 @@ def _shape(light: Light) -> list[Any]:
     if not is_dataclass(light):
         return [repr(light)]
     kept = [(item.name, getattr(light, item.name)) for item in fields(light) if item.name not in STRENGTHS]
-    return [type(light).__name__, *((name, np.round(value, 9) if isinstance(value, np.ndarray) else value)
-                                    for name, value in kept)]
+    return [type(light).__name__, *((name, np.round(value, 9) if isinstance(value, np.ndarray) else
+                                     _shape(value) if isinstance(value, Light) else value) for name, value in kept)]
 
 
 def _add_materials(item: Shown, found: Survey) -> None:

@@ -6,7 +6,7 @@ from typing import Any
 
 import bpy
 
-from . import patch_mesh
+from . import false_colour, patch_mesh
 from .job import Job
 from .panel import Tab
 from .results import any_result
@@ -121,16 +121,22 @@ class RADIOSITY_PT_checks(_Sub, bpy.types.Panel):
 
 
 def _table(layout: Any, rows: Any) -> None:
-    grid = layout.grid_flow(row_major=True, columns=5, even_columns=False, align=True)
-    for text in ("lx", "Min", "Mean", "Max", "Min/Mean"):
-        grid.label(text=text)
+    _line(layout, "Lux", ("Min", "Mean", "Max", "Unif."))
     for row in rows[:MOST_ROWS]:
-        grid.label(text=row.name)
-        for value in (row.minimum, row.mean, row.maximum):
-            grid.label(text=f"{value:.4g}")
-        grid.label(text=f"{row.uniformity:.2f}")
+        _line(layout, row.name, (*(false_colour.number(value) for value in (row.minimum, row.mean, row.maximum)),
+                                 f"{row.uniformity:.2f}"))
     if len(rows) > MOST_ROWS:
         layout.label(text=f"{len(rows) - MOST_ROWS} more in the CSV file")
+
+
+def _line(layout: Any, name: str, values: tuple[str, ...]) -> None:
+    """A name, and values to the right of it, with little height."""
+    parts = layout.split(factor=0.3, align=True)
+    parts.scale_y = 0.8
+    parts.label(text=name)
+    cells = parts.row(align=True)
+    for text in values:
+        cells.label(text=text)
 
 
 CLASSES = (RADIOSITY_PT_view, RADIOSITY_PT_lux, RADIOSITY_PT_leaks, RADIOSITY_PT_checks)

@@ -103,6 +103,15 @@ class RADIOSITY_PG_view(bpy.types.PropertyGroup):
 CLASSES = (RADIOSITY_PG_row, RADIOSITY_PG_finding, RADIOSITY_PG_view)
 
 
+def forget(scene: Any) -> None:
+    """Take what a bake left in a scene's views out of it; what the user has set stays."""
+    view = scene.radiosity_view
+    view.rows.clear()
+    view.findings.clear()
+    for name in ("mode", "worst", "checked", "scale_low", "scale_high", "scale_step", "scale_title"):
+        view.property_unset(name)
+
+
 def attach() -> None:
     """Give every scene its views."""
     bpy.types.Scene.radiosity_view = PointerProperty(type=RADIOSITY_PG_view)

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..solver.errors import SceneError
+from .object_random import random_of
 from .warn import Warnings, warn
 
 
@@ -25,6 +26,7 @@ class Shown:
     mesh : the evaluated bpy mesh.
     matrix : (4, 4) float64 to world space.
     materials : of its slots; None for an empty slot.
+    random : between 0 and 1, the same in every render: what Object Info calls random.
     own_mesh : whether `mesh` is the evaluated mesh of `original`, and nothing that was made on the way.
     """
 
@@ -34,6 +36,7 @@ class Shown:
     mesh: Any
     matrix: NDArray[np.float64]
     materials: tuple[Any, ...]
+    random: float
     own_mesh: bool
 
 
@@ -64,9 +67,10 @@ def shown_meshes(depsgraph: Any, warnings: Warnings) -> list[Shown]:
         if not np.isfinite(matrix).all():
             raise SceneError(f"object {name!r}: its transform is not finite: "
                              "reset location, rotation and scale, or remove the constraint that makes it")
-        if not (original.visible_diffuse and original.visible_shadow):
-            warn(warnings, original.name, "visibility", "is hidden from diffuse or shadow rays, which is not followed: "
-                 "it blocks and reflects light, hide it from renders if it must not")
+        if not original.visible_shadow:
+            warn(warnings, original.name, "visibility", "casts no shadow of lamps, as it is set (Ray Visibility); "
+                 "light of the sky, but for its suns, it stops all the same")
         materials = tuple(slot.material for slot in item.material_slots)
-        shown.append(Shown(name, original, instancer, item.data, matrix, materials, not made_on_the_way))
+        shown.append(Shown(name, original, instancer, item.data, matrix, materials, random_of(instance),
+                           not made_on_the_way))
     return shown

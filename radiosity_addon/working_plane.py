@@ -1,10 +1,12 @@
 """Illuminance on a working plane: a grid of points over the floor that look up, measured by the solver.
 
-Points that get no light at all lie inside furniture or walls and are left out.
+Points inside furniture or walls are left out: those without light, and dim ones that see mostly backs of faces. Backs
+alone say little, for normals of rooms are often flipped.
 """
 
 from __future__ import annotations
 
+import threading
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -14,7 +16,8 @@ from numpy.typing import NDArray
 
 from ..solver.bake import irradiance
 from ..solver.errors import NothingToBake, SettingsError
-from ..solver.quantities import LUMINANCE, LUMINOUS_EFFICACY
+from ..solver.inside import sees_backs
+from ..solver.quantities import photometric
 from ..solver.scene import Scene
 from . import false_colour, leaks
 from .baked_light import VIEW_MARK
@@ -30,8 +33,10 @@ Float = NDArray[np.floating[Any]]
 
 NAME = "Radiosity Working Plane"
 MOST_POINTS = 2**18
-# Points with less than this part of the mean count as inside something: quasi-random rays leak no more than that.
+# Points with less than this part of the median are inside something.
 DARK = 1e-4
+# So are those with less than this part of it that see more than this part of backs.
+DIM, BACKS = 0.1, 0.5
 
 
 @dataclass(frozen=True, eq=False)
@@ -51,9 +56,20 @@ class Grid:
 
     def corners(self, cells: NDArray[Any]) -> Float:
         """(cells, 4, 3) corners of some cells, counter-clockwise from above."""
-        row, column = np.divmod(cells, self.count[0])
-        corner = np.stack([column, row], axis=1)[:, None] + np.array([(0, 0), (1, 0), (1, 1), (0, 1)])
+        corner = self._corner(cells)
         return np.concatenate([self.low + corner * self.cell, np.full((len(cells), 4, 1), self.z)], axis=2)
+
+    def at_corners(self, cells: NDArray[Any], values: Float) -> Float:
+        """(cells, 4) values at the corners: the mean of the given cells that meet there."""
+        corner = self._corner(cells)
+        number = (corner[:, :, 1] * (self.count[0] + 1) + corner[:, :, 0]).ravel()
+        total = np.bincount(number, np.repeat(values, 4)) / np.maximum(np.bincount(number), 1)
+        return np.asarray(total[number].reshape(-1, 4))
+
+    def _corner(self, cells: NDArray[Any]) -> NDArray[np.int64]:
+        """(cells, 4, 2) column and row of the corners of some cells."""
+        row, column = np.divmod(cells, self.count[0])
+        return np.asarray(np.stack([column, row], axis=1)[:, None] + np.array([(0, 0), (1, 0), (1, 1), (0, 1)]))
 
 
 def grid_over(low: Float, high: Float, z: float, spacing: float, border: float) -> Grid:
@@ -83,6 +99,7 @@ class PlaneJob(Job):
         settings = replace(settings_of(scene, {"target": "vertex", "passes": "both"}), only=())
         super().__init__(Request(settings), scene, view_layer)
         self._irradiance: Float | None = None
+        self._backs: Float | None = None
 
     def export(self) -> None:
         """Read the scene, and lay out the points. Raises RadiosityError."""
@@ -100,6 +117,7 @@ class PlaneJob(Job):
         try:
             points = self.grid.middles()
             up = np.broadcast_to(np.array([0.0, 0.0, 1.0]), points.shape)
+            self._backs = sees_backs(self._exported.scene, points)
             self._irradiance = irradiance(self._exported.scene, self.request.settings, points, up, self.progress,
                                           self._cancel.is_set)
         except BaseException as error:  # noqa: BLE001 - it is raised again in Blender's thread, by measured()
@@ -109,17 +127,19 @@ class PlaneJob(Job):
         """Put the result into the table and the viewport. Raises what the worker raised, or RadiosityError."""
         from . import preview
 
-        self.wait(3600.0)
+        self.wait(threading.TIMEOUT_MAX)
         if self._failure is not None:
             raise self._failure
         assert self._irradiance is not None
+        assert self._backs is not None
         scene, _ = self._place()
-        lux = np.asarray(self._irradiance @ LUMINANCE * LUMINOUS_EFFICACY)
-        cells = np.flatnonzero(lux > DARK * lux.mean())
+        lux = photometric(self._irradiance)
+        typical = np.median(lux[lux > 0]) if lux.any() else 1.0
+        cells = np.flatnonzero((lux > DARK * typical) & ((lux > DIM * typical) | (self._backs <= BACKS)))
         if not len(cells):
             raise NothingToBake(f"no light reaches the working plane at {self.grid.z:.3g} m: "
                                 "set its height and floor so that it lies in the room")
-        row = Row.of(f"Plane at {self.grid.z:.3g} m", lux[cells], np.full(len(cells), self.grid.cell.prod()))
+        row = Row.of(f"Plane {self.grid.z:.3g} m", lux[cells], np.full(len(cells), self.grid.cell.prod()))
         keep(scene, [row], surfaces=False)
         if scene.radiosity_view.mode != LUX:
             preview.show(scene, LUX, plane=True)
@@ -134,7 +154,8 @@ def _show(scene: Any, grid: Grid, cells: NDArray[Any], lux: Float) -> None:
         bpy.data.objects.remove(item)
         bpy.data.meshes.remove(mesh)
     mesh = leaks.quads(NAME, grid.corners(cells))
-    mesh.attributes.new("lux", "FLOAT", "FACE").data.foreach_set("value", np.ascontiguousarray(lux, np.float32))
+    values = np.asarray(grid.at_corners(cells, lux), np.float32)
+    mesh.attributes.new("lux", "FLOAT", "POINT").data.foreach_set("value", values.ravel())
     view = scene.radiosity_view
     scale = false_colour.scale_group(view.scale_low, view.scale_high, view.scale_step)
     mesh.materials.append(false_colour.material_of_attribute("lux", scale))

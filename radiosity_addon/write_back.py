@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import Any
 
 import bpy
@@ -15,6 +16,7 @@ from ..solver.scene import Surface
 from . import baked_images, mesh_layers, patch_mesh, preview
 from .baked_images import MARK
 from .binding import Binding
+from .conversion import convert
 from .export import Exported
 from .modifiers import apply_modifiers
 from .report import relative_to_report
@@ -41,6 +43,9 @@ def write_back(exported: Exported, bake: Bake, request: Request, scene: Any, vie
     OutputError
         If a file can't be written; the .blend is as it was then.
     """
+    if request.apply_modifiers:
+        bindings = convert(scene, view_layer, exported.bindings, warnings)
+        exported = replace(exported, bindings=bindings)
     outputs = _write(exported, bake, request, scene, view_layer, warnings)
     if bake.patches is not None:
         patch_mesh.store(bake.patches, [binding.instancer or binding.object for binding in exported.bindings])

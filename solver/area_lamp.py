@@ -120,17 +120,25 @@ class Area:
     def _tangent(self) -> float:
         return float(np.tan(max(self.spread / 2, NARROWEST_SPREAD)))
 
-    def _slats(self, towards_lamp: Float) -> Float:
-        """Radiance in each direction over the mean radiance flux / (pi area)."""
+    @property
+    def _slat_norm(self) -> float:
         half = max(self.spread / 2, NARROWEST_SPREAD)
         # Two terms of its series below .05 rad, where the difference of tangent and angle loses its digits.
-        norm = 1 / (self._tangent - half) if half > 0.05 else 3 / half**3 * (1 - 0.4 * half**2)
+        return 1 / (self._tangent - half) if half > 0.05 else 3 / half**3 * (1 - 0.4 * half**2)
+
+    @property
+    def gathering(self) -> float:
+        """The highest radiance, straight ahead, over the mean radiance flux / (pi area)."""
+        return 1.0 if self.spread == np.pi else self._tangent * self._slat_norm
+
+    def _slats(self, towards_lamp: Float) -> Float:
+        """Radiance in each direction over the mean radiance flux / (pi area)."""
         normal = self.normal.astype(np.float32)
         cosine = -(towards_lamp @ normal)
         # Not from 1 - cosine^2, which has no digits left on narrow beams.
         across = towards_lamp + cosine[:, None] * normal
         tangent = np.sqrt(dot(across, across)) / np.maximum(cosine, np.float32(1e-6))
-        return np.asarray(np.maximum((self._tangent - tangent) * norm, 0))
+        return np.asarray(np.maximum((self._tangent - tangent) * self._slat_norm, 0))
 
     def _narrowed(self, points: Float, uv: Float, target: Float) -> tuple[Float, Float]:
         """Targets on the circle of the lamp's plane that the spread lets each point see, where it is smaller than the

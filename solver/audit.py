@@ -17,9 +17,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from . import sky as skies
+from .banks import banks
 from .direct import DirectLight
 from .footprints import Footprints
 from .geometry import Geometry
+from .lamp_draw import LampDraw
 from .lights import Light
 from .parallel import Run, slices
 from .sampling import cosine_directions
@@ -116,8 +118,9 @@ class Auditor:
                  seed: int) -> None:
         self.geometry, self.lights, self._lamp = geometry, tuple(lights), sampled_emitter
         self.seed = seed
-        power = np.array([_brightness(light, geometry) for light in self.lights])
-        self._chance = power / power.sum() if power.sum() > 0 else power
+        self._colour = np.array([light.colour for light in self.lights], np.float32).reshape(-1, 3)
+        self._banks, self._bank, self._place = banks(self.lights)
+        self._draw = LampDraw(self.lights, geometry) if len(self.lights) > FEW_LAMPS else None
 
     def truth(self, places: Footprints, rows: Int, paths: int, run: Run) -> Truth:
         """Irradiance of footprints `rows` by `paths` paths each (rounded up to whole groups)."""
@@ -184,40 +187,41 @@ class Auditor:
         return direct.reshape(shape).mean(axis=2), indirect.reshape(shape).mean(axis=2)
 
     def _lamps(self, points: Float, normals: Float, generator: np.random.Generator, run: Run) -> Float:
-        """Direct irradiance at vertices by one shadow ray to every lamp, or to one lamp drawn by power: (n, 3)."""
+        """Direct irradiance at vertices by one shadow ray to every lamp, or to one lamp that is drawn: (n, 3)."""
         out = np.zeros((len(points), 3), np.float32)
-        if not self.lights:
+        if self._draw is None:
+            for number in range(len(self.lights)):
+                out += self._shadow(points, normals, np.full(len(points), number), generator, run)
             return out
-        if len(self.lights) <= FEW_LAMPS:
-            for light in self.lights:
-                self._shadow(light, points, normals, np.arange(len(points)), np.float32(1), generator, out, run)
-            return out
-        chosen = generator.choice(len(self.lights), len(points), p=self._chance)
-        order = np.argsort(chosen, kind="stable")
-        bounds = np.searchsorted(chosen[order], np.arange(len(self.lights) + 1))
-        for number, light in enumerate(self.lights):
-            rows = order[bounds[number]:bounds[number + 1]]
-            if len(rows):
-                factor = np.float32(1 / self._chance[number])
-                self._shadow(light, points, normals, rows, factor, generator, out, run)
+        lamp, chance = self._draw.draw(points, generator.random(len(points)))
+        order = np.argsort(self._bank[lamp], kind="stable")
+        edges = np.append(np.flatnonzero(np.diff(self._bank[lamp[order]], prepend=-1)), len(order))
+        for first, last in zip(edges[:-1], edges[1:], strict=True):
+            rows = order[first:last]
+            given = self._shadow(points[rows], normals[rows], lamp[rows], generator, run)
+            out[rows] = given / chance[rows, None]
         return out
 
-    def _shadow(self, light: Light, points: Float, normals: Float, rows: Int, factor: np.float32,
-                generator: np.random.Generator, out: Float, run: Run) -> None:
-        uv = generator.random((len(rows), 2), np.float32)
-        towards = light.sample(points[rows], normals[rows], uv)
+    def _shadow(self, points: Float, normals: Float, lamp: Int, generator: np.random.Generator, run: Run) -> Float:
+        """(n, 3) what one shadow ray from each point brings from its lamp; all lamps are of one bank."""
+        out = np.zeros((len(points), 3), np.float32)
+        if not len(points):
+            return out
+        bank, place = self._banks[self._bank[lamp[0]]], self._place[lamp]
+        towards = bank.sample(points, normals, generator.random((len(points), 2), np.float32), place)
         lit = np.flatnonzero(towards.weight > 0)
         if not len(lit):
-            return
+            return out
         reach = np.minimum(towards.distance[lit], np.float32(1e30)) * np.float32(1 - SHORTEN)
-        free = ~self.geometry.visibility.occluded(points[rows[lit]], towards.direction[lit], reach)
+        free = ~self.geometry.visibility.occluded(points[lit], towards.direction[lit], reach)
         run.count(len(lit))
         some = lit[free]
-        closed = light.irradiance(points[rows[some]], normals[rows[some]])
+        closed = bank.irradiance(points[some], normals[some], place[some])
         # Right beside a lamp a ray's weight goes to infinity; the closed form does not, and what a single ray finds
         # visible stands for all of the lamp.
-        given = towards.weight[some][:, None] * light.colour if closed is None else closed
-        out[rows[some]] += given * factor
+        given = np.where(np.isnan(closed), towards.weight[some], closed)
+        out[some] = given[:, None] * self._colour[lamp[some]]
+        return out
 
 
 class _Some:
@@ -248,12 +252,3 @@ def _roulette(carried: Float, bounce: int, generator: np.random.Generator) -> tu
     stays = generator.random(len(carried), np.float32) < chance
     carried = carried / np.maximum(chance, np.float32(1e-30))[:, None]
     return np.flatnonzero(stays), carried
-
-
-def _brightness(light: Light, geometry: Geometry) -> float:
-    """A lamp's power for drawing one of many; a sun counts with what it sends through the scene's middle section."""
-    power = float(np.mean(light.power()))
-    if np.isfinite(power):
-        return power
-    extent = np.ptp(geometry.corners.reshape(-1, 3), axis=0) if len(geometry.corners) else np.ones(3)
-    return float(np.mean(light.colour)) * float(np.pi * (extent**2).sum() / 4)

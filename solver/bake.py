@@ -45,6 +45,7 @@ from .quantities import encode
 from .receivers import Receivers
 from .result import Bake, Lightmap, Solution, Stages, refuse_singular, report
 from .scene import Scene
+from .seams import Seams
 from .settings import Settings
 from .shells import Shells
 from .sources import light_sources
@@ -105,7 +106,7 @@ class _Work:
             corners = self.geometry.corners.reshape(-1, 3)
             shells = Shells.of(self.geometry.corners)
             patches = Patches(shells, corners.min(axis=0), corners.max(axis=0), self.plan.smallest_patch,
-                              looks.distance)
+                              looks.distance, self.geometry.visibility)
             if looks.spots is not None:
                 patches.grow(looks.spots, looks.weight, looks.seen_from,
                              float(looks.weight.sum()) / self.plan.patches)
@@ -223,8 +224,9 @@ def bake(scene: Scene, settings: Settings, progress: Progress | None = None,
         triangle = lumels.receivers.triangle
         albedo = work.geometry.reflectance(triangle, *lumels.receivers.barycentric.T)
         values = encode(_passes(direct, bounced, settings.passes), settings.quantity, albedo)
-        images = finished(lumels, scene, values, settings)
-        layers = apart.encoded(settings.quantity, albedo, lambda light: finished(lumels, scene, light, settings))
+        seams = Seams(lumels, scene)
+        images = finished(lumels, seams, values, settings)
+        layers = apart.encoded(settings.quantity, albedo, lambda light: finished(lumels, seams, light, settings))
         images = layers.total(settings.quantity, images)
         placed = [(surface.name, int(page)) for surface, page in
                   zip(scene.surfaces, lumels.page_of_surface, strict=True)]

@@ -26,7 +26,7 @@ from .errors import SceneError
 
 Float = NDArray[np.floating[Any]]
 
-# Highest exponent: a lobe of .1 degrees; a mirror in all but name, and far beyond what 64 nodes resolve.
+# Highest exponent: a lobe of .1 degrees, a mirror in all but name, and still within the quadrature's five digits.
 MAX_EXPONENT = 1e6
 # Rounding of colours that are meant to add up to 1.
 SUM_TOLERANCE = 1e-6
@@ -59,7 +59,7 @@ class Lambert:
 
     def __call__(self, incoming: Float, outgoing: Float) -> Float:
         """Evaluate."""
-        return _above(incoming, outgoing)[..., None] * np.asarray(self.reflectance) / np.pi
+        return np.asarray(_above(incoming, outgoing)[..., None] * np.asarray(self.reflectance) / np.pi)
 
 
 @dataclass(frozen=True, eq=False)
@@ -112,7 +112,7 @@ class Blinn:
 
 def mirrored(direction: Float) -> Float:
     """Directions (..., 3) mirrored at the normal."""
-    return direction * np.array([-1.0, -1.0, 1.0])
+    return np.asarray(direction * np.array([-1.0, -1.0, 1.0]))
 
 
 def half_vector(incoming: Float, outgoing: Float) -> Float:

@@ -24,8 +24,8 @@ from .errors import SceneError
 
 Float = NDArray[np.floating[Any]]
 
-# Nodes along sqrt(theta_h), around the normal, and along the cosine of the other direction: what the three analytic
-# lobes need for five digits up to an exponent of 10,000.
+# Nodes along sqrt(theta_h), around the normal, and along the cosine of the other direction: what Phong's and Blinn's
+# lobes of any exponent need for five digits of rho_hh and of the residual.
 POLAR_NODES, AZIMUTHS, COSINES = 64, 96, 32
 # A reflectance may be above 1 by this much, which is the quadrature's or a rounded table's doing.
 GAIN_TOLERANCE = 2e-3

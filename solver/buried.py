@@ -1,7 +1,8 @@
 """Points that another solid hides: where a face lies exactly on the face of what it touches.
 
 The wall behind a beam, the floor under a box: no light comes between them. A ray that starts a hair above the wall
-starts inside the beam, and what it meets there is not what the wall sees.
+starts inside the beam, and what it meets there is not what the wall sees. That it starts inside a solid is what tells
+this from a wall made of two faces back to back, whose either side is open.
 """
 
 from __future__ import annotations
@@ -49,4 +50,13 @@ class Buried:
             near = (hits.triangle >= 0) & (hits.distance < 2 * REACH * offset[rows])
             facing = np.einsum("ij,ij->i", geometry.normal[others[np.maximum(hits.triangle, 0)]], normal[rows])
             out[rows] = near & (facing < OPPOSITE)
+        touched = np.flatnonzero(out)
+        out[touched] = self._inside(points[touched] + normal[touched] * offset[touched, None], normal[touched])
         return out
+
+    def _inside(self, points: Float, normals: Float) -> NDArray[np.bool_]:
+        """Whether points (n, 3) lie in a solid: what is met along the normal, if anything, shows its back."""
+        if not len(points):
+            return np.zeros(0, bool)
+        hits = self._geometry.visibility.hits(points, normals)
+        return np.asarray((hits.triangle >= 0) & ~hits.front)

@@ -80,9 +80,10 @@ def patch_table(transport: Transport) -> PatchTable:
     half = np.full(len(side), 0.5, np.float32)
     place = transport.geometry.point(*cells.places(side, half, half)[:3])
     middle = mean(place)[keep] + transport.geometry.scene.origin
-    return PatchTable(middle, *(np.asarray(values[keep], np.float32) for values in (normal, total)),
-                      _owners(transport, patch, triangle, area, count)[keep],
-                      *(np.asarray(values[keep], np.float32) for values in (row_sum, back, watts[:, 0], watts[:, 1])))
+    surface = _owners(transport, patch, triangle, area, count)[keep]
+    facing, size, sums, backs, out, kept = (
+        np.asarray(values[keep], np.float32) for values in (normal, total, row_sum, back, watts[:, 0], watts[:, 1]))
+    return PatchTable(middle, facing, size, surface, sums, backs, out, kept)
 
 
 def _owners(transport: Transport, patch: NDArray[np.int32], triangle: NDArray[np.int32], area: Float,

@@ -7,7 +7,8 @@ ray between them is free. A uniform visible fraction in place of the weighted on
 
 Where we leave the paper:
 1. Rays are spent by absolute error: a pilot finds the penumbrae, and only those get more (up to MOST_RAYS).
-2. Lamps that give little at a point are drawn by systematic resampling (unbiased), not looped over.
+2. Of many lamps, those that give little are drawn by chance (`many_lights.py`), not looped over. Where one or two rays
+   to a lamp are enough, their plain mean weight is taken: it is unbiased, and needs no closed form.
 """
 
 from __future__ import annotations
@@ -18,11 +19,16 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from .banks import banks
+from .blocks import Blocks
 from .footprints import Footprints
 from .geometry import Geometry
+from .light_bounds import LightBounds
 from .lights import Light
-from .parallel import Run, slices
-from .sampling import kronecker, shifted, shifts, uniform
+from .many_lights import CLOSED_FROM, Chooser, Looks, Wish, everybody
+from .parallel import Run
+from .sampling import kronecker, shifted, shifts
+from .shadow_sums import ShadowSums, doubtful, ratio
 from .visibility import SHORTEN
 
 Float = NDArray[np.floating[Any]]
@@ -43,8 +49,11 @@ CLOSED_SAMPLES = 16
 COLUMNS = (3, 0, 2, 1)
 # Up to this many lamps, every one is looked at from every point.
 FEW_LAMPS = 4
-# A lamp that would give less than this part of all unoccluded light at a point is drawn with a probability.
+# A lamp that would give less than this part of all light at a point is drawn with a probability.
 SMALL_SHARE = 2e-3
+# Receivers of a block that lamps are chosen for, at most; and of a region in which it is tried out which lamps can be
+# seen: with and without a wanted error.
+BLOCK, FINE_REGION, REGION = 64, 64, 512
 
 
 class DirectLight:
@@ -59,6 +68,10 @@ class DirectLight:
 
     def __init__(self, geometry: Geometry, lights: Sequence[Light], seed: int) -> None:
         self.geometry, self.lights, self.seed = geometry, tuple(lights), seed
+        self._colour = np.array([light.colour for light in self.lights], np.float32).reshape(-1, 3)
+        self._brightness = self._colour.mean(axis=1)
+        self._banks, self._bank, self._place = banks(self.lights)
+        self._chooser = Chooser(LightBounds.of(self.lights), seed) if len(self.lights) > FEW_LAMPS else None
 
     def irradiance(self, places: Footprints, run: Run, tolerance: float = 0.0, pilot: int = PILOT_RAYS,
                    small_share: float = SMALL_SHARE, neighbours: Int | None = None) -> Float:
@@ -69,7 +82,7 @@ class DirectLight:
         places : the footprints.
         tolerance : wanted standard deviation of each value, W/m2 (mean of the channels); 0 keeps to the pilot.
         pilot : shadow rays of a footprint and lamp at first.
-        small_share : see SMALL_SHARE.
+        small_share : see SMALL_SHARE; of no account where a tolerance is given.
         neighbours : (n, 8) int rows next to each footprint, -1 for none: where they disagree, rays are added.
 
         Returns
@@ -79,173 +92,135 @@ class DirectLight:
         total = np.zeros((len(places), 3), np.float32)
         if not self.lights or not len(places):
             return total
-        choose = _Choice(self, places, run, small_share)
-        for number, light in enumerate(self.lights):
-            rows, factor = choose.rows(number)
-            if len(rows):
-                total += self._one(light, number, places, rows, factor, run, tolerance, pilot, neighbours)
+        wish = Wish(tolerance, pilot, small_share)
+        if self._chooser is None:
+            for lamp in range(len(self.lights)):
+                self._add(total, everybody(len(places), lamp, wish), places, wish, neighbours, run)
+            return total
+        regions, blocks, single = Blocks.nested(places, (FINE_REGION if tolerance > 0 else REGION, BLOCK), run)
+        shown = self._chooser.shown(regions, places, lambda lamp, rows: self._attempt(places, lamp, rows, run))
+        within = np.searchsorted(regions.begin, blocks.begin[:-1], side="right") - 1
+        for batch in self._chooser.batches(blocks):
+            looks = self._chooser.looks(blocks.take(batch), single, shown[within[batch]], places, wish)
+            self._add(total, looks, places, wish, neighbours, run)
         return total
 
-    def unoccluded(self, light: Light, places: Footprints, rows: Int) -> Float:
-        """Closed-form irradiance at the footprints' middles over the lamp's colour: (n,) float32; nan if none."""
-        half = np.full(len(rows), 0.5, np.float32)
-        points, normals = places.sample(rows, half, half)
-        closed = light.irradiance(points, normals)
-        if closed is None:
-            return np.full(len(rows), np.nan, np.float32)
-        channel = int(np.argmax(light.colour))
-        return np.asarray(closed[:, channel] / max(float(light.colour[channel]), 1e-30), np.float32)
+    def _attempt(self, places: Footprints, lamp: Int, rows: Int, run: Run) -> tuple[Float, Float]:
+        """One shadow ray from each of `rows` to its lamp: the irradiance that it stands for, were it free, and as it is
+        (n,) W/m2."""
+        order, runs = _runs(self._bank[lamp])
+        lamp, rows = lamp[order], rows[order]
 
-    def _closed(self, light: Light, points: Float, normals: Float, count: int) -> Float:
+        def work(part: slice) -> tuple[Float, Float]:
+            key = places.identity[rows[part]] * np.int64(1_000_003) + np.arange(part.start, part.stop)
+            points, normals = places.sample(rows[part], *shifts(key, 2, self.seed + 7).T)
+            return self._shadow(lamp[part], points, normals, shifts(key, 2, self.seed + 9), run)
+
+        pieces = run.map(work, _pieces(runs, CHUNK_RAYS))
+        out = np.zeros((2, len(rows)), np.float32)
+        for column in range(2 if pieces else 0):
+            out[column, order] = np.concatenate([piece[column] for piece in pieces]) * self._brightness[lamp]
+        return out[0], out[1]
+
+    def _add(self, total: Float, looks: Looks, places: Footprints, wish: Wish, neighbours: Int | None,
+             run: Run) -> None:
+        """Add what lamps give to those who look at them."""
+        if not len(looks):
+            return
+        # What is alike is worked on together: the same bank, number of rays, and with a closed form or without.
+        order, _ = _runs((self._bank[looks.lamp] << 16 | looks.rays) * 2 + looks.closed)
+        looks = looks.take(order)
+        sums = self._sums(looks, places, np.zeros(len(looks), np.int64), looks.rays, run)
+        value, spread = ratio(sums, looks.rays)
+        if wish.tolerance > 0:
+            doubt = self._doubt(looks, sums, len(total), neighbours)
+            sigma = np.where(doubt, np.maximum(spread, sums.level * 0.25), 0) * (
+                self._brightness[looks.lamp] * looks.factor)
+            wanted = np.minimum(np.where(sigma > 0, (sigma / wish.tolerance) ** (1 / QMC_RATE), 0), MOST_RAYS)
+            some, count = _more(looks.rays, wanted)
+            if len(some):
+                order, _ = _runs(self._bank[looks.lamp[some]] << 32 | count << 16 | looks.rays[some])
+                some, count = some[order], count[order]
+                start = looks.rays[some]
+                added = self._sums(looks.take(some), places, start, count - start, run, ask=False)
+                value[some] = ratio(sums.take(some).plus(added), count)[0]
+        value = value * looks.factor
+        for channel in range(3):
+            total[:, channel] += np.bincount(looks.rows, value * self._colour[looks.lamp, channel], len(total))
+
+    def _doubt(self, looks: Looks, sums: ShadowSums, count: int, neighbours: Int | None) -> NDArray[np.bool_]:
+        """(n,) whether more rays could change what was found, lamp by lamp."""
+        enough = looks.rays >= CLOSED_FROM
+        doubt = np.zeros(len(looks), bool)
+        order, runs = _runs(looks.lamp)
+        for part in runs:
+            these = order[part]
+            doubt[these] = doubtful(sums.take(these), looks.rows[these], enough[these], looks.closed[these], count,
+                                    neighbours)
+        return doubt
+
+    def _sums(self, looks: Looks, places: Footprints, start: Int, count: Int, run: Run,
+              ask: bool = True) -> ShadowSums:
+        """Sums over shadow rays start ... start + count - 1 of the point set, for looks in which those that are alike
+        stand together."""
+        def work(part: slice) -> ShadowSums:
+            first = part.start
+            return self._rays(looks.lamp[part], places, looks.rows[part], int(start[first]), int(count[first]),
+                              ask and bool(looks.closed[first]), run)
+
+        kinds = ((self._bank[looks.lamp] << 16 | count) << 16 | start) * 2 + looks.closed
+        edges = np.append(np.append(0, np.flatnonzero(np.diff(kinds)) + 1), len(kinds))
+        runs = [slice(first, last) for first, last in zip(edges[:-1], edges[1:], strict=True)]
+        jobs = [part for alike in runs for part in _pieces([alike], max(1, CHUNK_RAYS // int(count[alike.start])))]
+        return ShadowSums.concatenate(run.map(work, jobs))
+
+    def _rays(self, lamp: Int, places: Footprints, rows: Int, start: int, count: int, ask: bool,
+              run: Run) -> ShadowSums:
+        set_of_points = kronecker(count, 4, start)
+        move = shifts(places.identity[rows] * np.int64(1_000_003) + lamp, 4, self.seed + 7919)
+        x, y, u, v = (shifted(set_of_points[:, axis], move[:, axis]).reshape(-1) for axis in COLUMNS)
+        points, normals = places.sample(np.repeat(rows, count), x, y)
+        weight, seen = self._shadow(np.repeat(lamp, count), points, normals, np.stack([u, v], axis=-1), run)
+        weight, seen = weight.reshape(-1, count), seen.reshape(-1, count)
+        closed = self._closed(lamp, points, normals, count) if ask else np.full(len(rows), np.nan, np.float32)
+        return ShadowSums(weight.sum(1), seen.sum(1), (weight > 0).sum(1), (seen > 0).sum(1), closed)
+
+    def _shadow(self, lamp: Int, points: Float, normals: Float, uv: Float, run: Run) -> tuple[Float, Float]:
+        """Weights of shadow rays to lamps of one bank, and the same where something stands between: 0 (n,)."""
+        towards = self._banks[self._bank[lamp[0]]].sample(points, normals, uv, self._place[lamp])
+        weight = towards.weight
+        lit = np.flatnonzero(weight > 0)
+        seen = np.zeros_like(weight)
+        if len(lit):
+            reach = np.minimum(towards.distance[lit], np.float32(1e30)) * np.float32(1 - SHORTEN)
+            hidden = self.geometry.visibility.occluded(points[lit], towards.direction[lit], reach)
+            seen[lit] = np.where(hidden, 0, weight[lit])
+        run.count(len(lit))
+        return weight, seen
+
+    def _closed(self, lamp: Int, points: Float, normals: Float, count: int) -> Float:
         """Closed form over the lamp's colour, the mean over the first few places of each footprint: (n,) float32."""
         some = min(count, CLOSED_SAMPLES)
         index = (np.arange(0, len(points), count)[:, None] + np.arange(some)).reshape(-1)
-        closed = light.irradiance(points[index], normals[index])
-        if closed is None:
-            return np.full(len(points) // count, np.nan, np.float32)
-        channel = int(np.argmax(light.colour))
-        return np.asarray(closed[:, channel].reshape(-1, some).mean(axis=1) / max(float(light.colour[channel]), 1e-30))
-
-    def _one(self, light: Light, number: int, places: Footprints, rows: Int, factor: Float, run: Run,
-             tolerance: float, pilot: int, neighbours: Int | None) -> Float:
-        """What one lamp gives at `rows`, each times its factor."""
-        brightness = float(np.mean(light.colour))
-        first = self._sums(light, number, places, rows, 0, pilot, run)
-        value, spread = _ratio(first, pilot)
-        if tolerance > 0 and brightness > 0:
-            doubt = _doubtful(first, rows, len(places), neighbours)
-            sigma = np.where(doubt, np.maximum(spread, first.level * 0.25), 0) * brightness * factor
-            wanted = np.where(sigma > 0, (sigma / tolerance) ** (1 / QMC_RATE), 0)
-            wanted = np.minimum(wanted, MOST_RAYS)
-            value = self._refined(light, number, places, rows, first, value, wanted, pilot, run)
-        out = np.zeros((len(places), 3), np.float32)
-        out[rows] = (value * factor)[:, None] * light.colour
-        return out
-
-    def _refined(self, light: Light, number: int, places: Footprints, rows: Int, first: _Sums, value: Float,
-                 wanted: Float, pilot: int, run: Run) -> Float:
-        """More rays where they are wanted, in groups of equal count: 4, 16, 64 ... times the pilot."""
-        value = value.copy()
-        count = 4 * pilot
-        while count <= 4 * MOST_RAYS:
-            group = np.flatnonzero((wanted > count / 4) & (wanted <= count))
-            if len(group):
-                more = self._sums(light, number, places, rows[group], pilot, count - pilot, run)
-                both = first.take(group).plus(more)
-                value[group] = _ratio(both, count)[0]
-            count *= 4
-        return value
-
-    def _sums(self, light: Light, number: int, places: Footprints, rows: Int, start: int, count: int,
-              run: Run) -> _Sums:
-        """Sums over shadow rays start ... start + count - 1 of the point set."""
-        set_of_points = kronecker(count, 4, start)
-
-        def work(part: slice) -> _Sums:
-            these = rows[part]
-            move = shifts(places.identity[these], 4, self.seed + 7919 * (number + 1))
-            x, y, u, v = (shifted(set_of_points[:, axis], move[:, axis]).reshape(-1) for axis in COLUMNS)
-            points, normals = places.sample(np.repeat(these, count), x, y)
-            towards = light.sample(points, normals, np.stack([u, v], axis=-1))
-            weight = towards.weight
-            lit = np.flatnonzero(weight > 0)
-            free = np.zeros(len(weight), bool)
-            if len(lit):
-                reach = np.minimum(towards.distance[lit], np.float32(1e30)) * np.float32(1 - SHORTEN)
-                free[lit] = ~self.geometry.visibility.occluded(points[lit], towards.direction[lit], reach)
-            seen = np.where(free, weight, 0).reshape(-1, count)
-            weight = weight.reshape(-1, count)
-            run.count(len(lit))
-            closed = self._closed(light, points, normals, count)
-            return _Sums(weight.sum(1), seen.sum(1), (weight > 0).sum(1), (seen > 0).sum(1), closed)
-
-        parts = run.map(work, slices(len(rows), max(1, CHUNK_RAYS // count)))
-        return _Sums(*(np.concatenate([getattr(part, name) for part in parts]) for name in _Sums.NAMES))
+        bank = self._banks[self._bank[lamp[0]]]
+        closed = bank.irradiance(points[index], normals[index], np.repeat(self._place[lamp], some))
+        return np.asarray(closed.reshape(-1, some).mean(axis=1))
 
 
-class _Sums:
-    """Sums over the shadow rays of some footprints towards one lamp."""
-
-    NAMES = ("weight", "seen", "tried", "met", "closed")
-
-    def __init__(self, weight: Float, seen: Float, tried: Int, met: Int, closed: Float) -> None:
-        self.weight, self.seen, self.tried, self.met, self.closed = weight, seen, tried, met, closed
-
-    @property
-    def level(self) -> Float:
-        """Unoccluded irradiance over the lamp's colour."""
-        return np.where(np.isnan(self.closed), self.weight / np.maximum(self.tried, 1), self.closed)
-
-    def take(self, index: Int) -> _Sums:
-        """The sums of some of the footprints."""
-        return _Sums(*(getattr(self, name)[index] for name in self.NAMES))
-
-    def plus(self, other: _Sums) -> _Sums:
-        """Sums over both sets of rays."""
-        return _Sums(self.weight + other.weight, self.seen + other.seen, self.tried + other.tried,
-                     self.met + other.met, self.closed)
+def _runs(kind: Int) -> tuple[Int, list[slice]]:
+    """An order in which things of one kind stand together, and the runs of each kind in it."""
+    order = np.argsort(kind, kind="stable")
+    edges = np.append(np.flatnonzero(np.diff(kind[order], prepend=-1)), len(kind))
+    return order, [slice(first, last) for first, last in zip(edges[:-1], edges[1:], strict=True)]
 
 
-def _ratio(sums: _Sums, count: int) -> tuple[Float, Float]:
-    """The irradiance over the lamp's colour, and the standard deviation of a single ray's estimate of it."""
-    part = sums.seen / np.maximum(sums.weight, np.float32(1e-30))
-    mean = sums.seen / count
-    value = np.where(np.isnan(sums.closed), mean, sums.closed * part)
-    spread = sums.level * np.sqrt(np.clip(part * (1 - part), 0, 0.25))
-    return np.asarray(value, np.float32), np.asarray(spread, np.float32)
+def _pieces(runs: list[slice], size: int) -> list[slice]:
+    """Runs cut into pieces of at most `size`."""
+    return [slice(start, min(start + size, run.stop)) for run in runs for start in range(run.start, run.stop, size)]
 
 
-def _doubtful(sums: _Sums, rows: Int, count: int, neighbours: Int | None) -> NDArray[np.bool_]:
-    """Footprints whose rays, or whose neighbours' rays, did not all agree; and all of a lamp without closed form."""
-    doubt = np.asarray((sums.met > 0) & (sums.met < sums.tried) | np.isnan(sums.closed))
-    if neighbours is None:
-        return doubt
-    # 0: not asked, 1: all free, 2: none free, 3: mixed
-    state = np.zeros(count + 1, np.int8)
-    state[rows] = np.where(doubt, 3, np.where(sums.tried == 0, 0, np.where(sums.met > 0, 1, 2)))
-    around = state[neighbours[rows]]
-    own = state[rows][:, None]
-    return np.asarray(doubt | (((around != own) & (around > 0)).any(axis=1) & (sums.tried > 0)))
-
-
-class _Choice:
-    """Which footprints look at which lamp, and with what factor."""
-
-    def __init__(self, direct: DirectLight, places: Footprints, run: Run, small_share: float) -> None:
-        self._direct, self._places, self._run = direct, places, run
-        self._all = np.arange(len(places))
-        self._few = len(direct.lights) <= FEW_LAMPS
-        if not self._few:
-            self._floor = small_share * sum(self._given(number) for number in range(len(direct.lights)))
-            self._passed = uniform(places.identity, 99, direct.seed).astype(np.float64)
-
-    def _given(self, number: int) -> Float:
-        light = self._direct.lights[number]
-        brightness = np.float32(np.mean(light.colour))
-
-        def work(part: slice) -> Float:
-            given = self._direct.unoccluded(light, self._places, self._all[part])
-            if np.isnan(given).any():
-                given = self._estimate(light, part)
-            return np.asarray(given * brightness)
-
-        return np.concatenate(self._run.map(work, slices(len(self._all), CHUNK_RAYS // 8)))
-
-    def _estimate(self, light: Light, part: slice) -> Float:
-        """A lamp without closed form: the mean weight of a few samples."""
-        rows = np.repeat(self._all[part], PILOT_RAYS)
-        half = np.full(len(rows), 0.5, np.float32)
-        points, normals = self._places.sample(rows, half, half)
-        uv = np.tile(kronecker(PILOT_RAYS, 2), (len(rows) // PILOT_RAYS, 1))
-        return np.asarray(light.sample(points, normals, uv).weight.reshape(-1, PILOT_RAYS).mean(axis=1))
-
-    def rows(self, number: int) -> tuple[Int, Float]:
-        """The footprints that look at a lamp, and one over the probability that they do."""
-        if self._few:
-            return self._all, np.ones(len(self._all), np.float32)
-        given = self._given(number)
-        probability = np.minimum(given / np.maximum(self._floor, 1e-30), 1.0)
-        before = np.floor(self._passed)
-        self._passed += probability
-        kept = np.flatnonzero((np.floor(self._passed) > before) & (probability > 0))
-        return kept, np.asarray(1 / probability[kept], np.float32)
+def _more(rays: Int, wanted: Float) -> tuple[Int, Int]:
+    """Which want more rays than they have, and how many they get: 4, 16, 64 ... times as many."""
+    some = np.flatnonzero(wanted > rays)
+    power = np.ceil(np.log(wanted[some] / rays[some]) / np.log(4.0)).astype(np.int64)
+    return some, rays[some] * 4 ** np.maximum(power, 1)

@@ -9,9 +9,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .cells import NOTHING
+from .sampling import kronecker
 from .transport import Transport
 
 Float = NDArray[np.floating[Any]]
+
+# Points of a cell whose mean opacity counts; leaves are solid in the middle, so the middle alone would not do.
+OPACITY_SAMPLES = 16
 
 
 @dataclass(frozen=True)
@@ -36,7 +40,7 @@ class EnergyBalance:
 
 def energy_balance(transport: Transport) -> EnergyBalance:
     """Add up the solved patches."""
-    area = transport.cells.area(transport.cells.side)
+    area = _solid_area(transport)
     count = len(transport.patches)
     patch = transport.cell_patch
     size = np.bincount(patch, area, count)
@@ -57,3 +61,17 @@ def energy_balance(transport: Transport) -> EnergyBalance:
         free[rows.patch] = (rows.hits == NOTHING).mean(axis=1)
     part = [float(values[solved].sum()) for values in (emission + landed + sky, absorbed, leaving * free)]
     return EnergyBalance(*part)
+
+
+def _solid_area(transport: Transport) -> Float:
+    """(cells,) m2 of every met side of a cell, less what lets light through: its mean opacity at `OPACITY_SAMPLES`."""
+    side = transport.cells.side
+    area = np.asarray(transport.cells.area(side))
+    scene = transport.geometry.scene
+    if (np.asarray(scene.opacity) == 1).all() and (np.asarray(scene.opacity_texture) < 0).all():
+        return area
+    opacity = np.zeros(len(side), np.float32)
+    for x, y in kronecker(OPACITY_SAMPLES, 2):
+        triangle, u, v, _ = transport.cells.places(side, np.full(len(side), x), np.full(len(side), y))
+        opacity += transport.geometry.opacity(triangle, u, v)
+    return area * opacity / OPACITY_SAMPLES

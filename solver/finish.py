@@ -11,17 +11,21 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .receivers import Lumels
-from .scene import Scene
-from .seams import stitch
+from .seams import Seams
 from .settings import Settings
 
 Float = NDArray[np.floating[Any]]
 
 
-def finished(lumels: Lumels, scene: Scene, values: Float, settings: Settings) -> list[Float]:
-    """The lightmaps as they are written: dilated, and continuous across seams. Arguments as in `to_images`."""
+def finished(lumels: Lumels, seams: Seams, values: Float, settings: Settings) -> list[Float]:
+    """The lightmaps as they are written: dilated, and continuous across seams. Arguments as in `to_images`.
+
+    Radiosity holds the colour of the surface, which may well have a step at a seam: it is not stitched.
+    """
+    if settings.quantity == "radiosity":
+        return to_images(lumels, values, settings)
     # Filtering reads one texel beyond a chart, so seams need that much, whether or not it is asked for.
-    images = stitch(lumels, scene, to_images(lumels, values, replace(settings, margin=max(settings.margin, 1))))
+    images = seams.stitch(to_images(lumels, values, replace(settings, margin=max(settings.margin, 1))))
     if settings.margin > 0:
         return images
     for index, image in enumerate(images):

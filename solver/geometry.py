@@ -8,6 +8,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from .cutouts import CutoutVisibility
+from .ray_kinds import RayKinds
 from .scene import Scene, Texture
 from .visibility import OFFSET, Visibility
 
@@ -56,7 +58,19 @@ class Geometry:
     @cached_property
     def visibility(self) -> Visibility:
         """The rays' side of it."""
-        return Visibility(self.corners)
+        casts_shadow, seen = np.asarray(self.scene.casts_shadow), np.asarray(self.scene.seen)
+        if casts_shadow.all() and seen.all():
+            return self._visibility_of(np.arange(len(self.corners)))
+        return RayKinds(self._visibility_of(np.flatnonzero(seen)), np.flatnonzero(seen),
+                        self._visibility_of(np.flatnonzero(casts_shadow)))
+
+    def _visibility_of(self, rows: Int) -> Visibility:
+        """Rays against some of the triangles."""
+        holed = (np.asarray(self.scene.opacity) < 1) | (np.asarray(self.scene.opacity_texture) >= 0)
+        if holed[rows].any():
+            return CutoutVisibility(self.corners[rows], self.offset[rows], holed[rows],
+                                    lambda triangle, u, v: self.opacity(rows[triangle], u, v))
+        return Visibility(self.corners[rows])
 
     def point(self, triangle: Int, u: Float, v: Float) -> Float:
         """(n, 3) float32: the point at barycentric (u, v) of each triangle."""
@@ -99,6 +113,11 @@ class Geometry:
         if (self._emission_texture[triangle] >= 0).any():
             out = out * self._textures(self._emission_texture, triangle, u, v)
         return out
+
+    def opacity(self, triangle: Int, u: Float, v: Float) -> Float:
+        """(n,) float32: part of the rays that is stopped at barycentric points."""
+        texture = self._textures(np.asarray(self.scene.opacity_texture), triangle, u, v)
+        return np.asarray(np.asarray(self.scene.opacity)[triangle] * texture[:, 0])
 
     def _textures(self, index_of: Int, triangle: Int, u: Float, v: Float) -> Float:
         out = np.ones((len(triangle), 3), np.float32)

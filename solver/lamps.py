@@ -114,31 +114,11 @@ class Point:
 
     def unit_irradiance(self, view: View) -> Float:
         """(n,) float32, 1/m2: irradiance an intensity of 1 W/sr."""
-        outside = _round_irradiance(dot(view.axis, view.normals), view.sine_squared) / view.reach_squared
-        return np.asarray(np.where(view.inside, 1 / view.reach_squared, outside), np.float32)
+        return view.unit_irradiance()
 
     def sample(self, points: Float, normals: Float, uv: Float) -> LightSample:
         """Directions spread evenly over the lamp's outline; from inside a sphere, over the surface's hemisphere."""
-        view = View.of(self, points, normals)
-        direction, cosine, sine_squared = cap.directions(view.axis, view.sine_squared, uv)
-        weight = np.maximum(dot(direction, normals), 0) * _cap_over_disc(view.sine_squared) / view.reach_squared
-        if self.sphere:
-            half_chord = np.sqrt(np.maximum(self.radius**2 - view.distance**2 * sine_squared, 0))
-            distance = np.maximum(view.distance * cosine - half_chord, 0)
-        else:
-            distance = view.distance / np.maximum(cosine, np.finfo(np.float32).tiny)
-        within_lamp = np.flatnonzero(view.inside)
-        if len(within_lamp):
-            some = cosine_directions(normals[within_lamp], uv[within_lamp, :1], uv[within_lamp, 1:])[:, 0]
-            direction[within_lamp] = some
-            weight[within_lamp] = 1 / view.reach_squared[within_lamp]
-            distance[within_lamp] = self._to_shell(some, view, within_lamp)
-        return LightSample(direction, np.asarray(distance, np.float32), np.asarray(weight, np.float32))
-
-    def _to_shell(self, direction: Float, view: View, rows: NDArray[Any]) -> Float:
-        """Distance from points inside the sphere to the sphere."""
-        along = dot(direction, view.axis[rows]) * view.distance[rows]
-        return np.asarray(along + np.sqrt(np.maximum(self.radius**2 - view.distance[rows] ** 2 + along**2, 0)))
+        return View.of(self, points, normals).sample(self.radius, self.sphere, uv)
 
     def translated(self, offset: Float) -> Point:
         """The same lamp, moved by (3,) metres."""
@@ -159,18 +139,50 @@ class View:
 
     @classmethod
     def of(cls, lamp: Point, points: Float, normals: Float) -> View:
-        towards = lamp.position.astype(np.float32) - points
+        """Of one lamp."""
+        return cls.around(lamp.position.astype(np.float32), lamp.radius, lamp.sphere, points, normals)
+
+    @classmethod
+    def around(cls, position: Float, radius: Float | float, sphere: NDArray[np.bool_] | bool, points: Float,
+               normals: Float) -> View:
+        """Of one lamp, or of a lamp for each point: position (3,) or (n, 3) float32, radius and sphere one or (n,)."""
+        towards = position - points
         distance = np.sqrt(dot(towards, towards))
         known = distance > 0
         axis = np.where(known[:, None], towards / np.where(known, distance, 1)[:, None], normals)
-        squared, radius_squared = distance**2, np.float32(lamp.radius**2)
-        if lamp.sphere and lamp.radius > 0:
-            inside, reach = squared <= radius_squared, np.maximum(squared, radius_squared)
-        else:
-            inside, reach = np.zeros(len(points), bool), squared + radius_squared
+        squared, radius_squared = distance**2, np.float32(1) * np.asarray(radius, np.float32) ** 2
+        ball = np.asarray(sphere) & (radius_squared > 0)
+        inside = ball & (squared <= radius_squared)
+        reach = np.where(ball, np.maximum(squared, radius_squared), squared + radius_squared)
         reach = np.maximum(reach, np.float32(NEAREST**2))
         sine_squared = np.minimum(radius_squared / reach, 1)
         return cls(normals, np.asarray(axis, np.float32), distance, sine_squared, inside, reach)
+
+    def unit_irradiance(self) -> Float:
+        """(n,) float32, 1/m2: irradiance an intensity of 1 W/sr."""
+        outside = _round_irradiance(dot(self.axis, self.normals), self.sine_squared) / self.reach_squared
+        return np.asarray(np.where(self.inside, 1 / self.reach_squared, outside), np.float32)
+
+    def sample(self, radius: Float | float, sphere: NDArray[np.bool_] | bool, uv: Float) -> LightSample:
+        """See `Point.sample`; radius and sphere as for `around`."""
+        normals = self.normals
+        direction, cosine, sine_squared = cap.directions(self.axis, self.sine_squared, uv)
+        weight = np.maximum(dot(direction, normals), 0) * _cap_over_disc(self.sine_squared) / self.reach_squared
+        half_chord = np.sqrt(np.maximum(np.asarray(radius) ** 2 - self.distance**2 * sine_squared, 0))
+        distance = np.where(sphere, np.maximum(self.distance * cosine - half_chord, 0),
+                            self.distance / np.maximum(cosine, np.finfo(np.float32).tiny))
+        within_lamp = np.flatnonzero(self.inside)
+        if len(within_lamp):
+            some = cosine_directions(normals[within_lamp], uv[within_lamp, :1], uv[within_lamp, 1:])[:, 0]
+            direction[within_lamp] = some
+            weight[within_lamp] = 1 / self.reach_squared[within_lamp]
+            distance[within_lamp] = self._to_shell(some, np.broadcast_to(radius, len(uv))[within_lamp], within_lamp)
+        return LightSample(direction, np.asarray(distance, np.float32), np.asarray(weight, np.float32))
+
+    def _to_shell(self, direction: Float, radius: Float, rows: NDArray[Any]) -> Float:
+        """Distance from points inside the sphere to the sphere."""
+        along = dot(direction, self.axis[rows]) * self.distance[rows]
+        return np.asarray(along + np.sqrt(np.maximum(radius**2 - self.distance[rows] ** 2 + along**2, 0)))
 
 
 def _round_irradiance(cosine: Float, sine_squared: Float | float) -> Float:

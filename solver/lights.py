@@ -26,7 +26,7 @@ class LightSample:
     """Shadow rays towards a lamp.
 
     direction : (n, 3) float32, unit, from the point towards the lamp.
-    distance : (n,) float32, metres; inf for a sun.
+    distance : (n,) float32, metres; inf for a sun, 0 where nothing is to stop the light.
     weight : (n,) float32 >= 0, the integrand over its probability density: mean(weight * visible) * colour is
         the irradiance (W/m2). Zero where the lamp is behind the surface or the surface is behind the lamp.
     """

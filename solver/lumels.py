@@ -16,6 +16,7 @@ from .raster import Coverage, holds_centre, rasterise, to_texels
 from .receivers import Lumels, Page, Receivers
 from .scene import Scene
 from .settings import Settings
+from .uv_faults import warn_of_distortion
 
 Float = NDArray[np.floating[Any]]
 Int = NDArray[np.integer[Any]]
@@ -38,7 +39,7 @@ def lumels(scene: Scene, settings: Settings, warnings: Warnings, progress: Any =
     ----------
     scene, settings : see there.
     warnings : a list that gets a dict {object, code, message} for each thing the user should know: `uv_overlap`,
-        `uv_outside`, `zero_area`, `no_lumels`.
+        `uv_outside`, `uv_stretch`, `uv_density`, `uv_no_area`, `zero_area`, `no_lumels`.
     progress : callable(fraction) or None; what it raises (`Cancelled`) ends the work.
 
     Raises
@@ -49,6 +50,7 @@ def lumels(scene: Scene, settings: Settings, warnings: Warnings, progress: Any =
         If no layout can be made.
     """
     layout = make_layout(scene, settings, warnings, progress)
+    warn_of_distortion(scene, settings, warnings)
     flat = flat_triangles(scene)
     corners, members = _by_page(scene, layout)
     node = _nodes(scene, layout.uv)

@@ -80,6 +80,11 @@ class MeshEmitter:
         """(3,) float32: the flux of one side / pi."""
         return self._pieces.colour
 
+    @property
+    def normals(self) -> Float:
+        """(k, 3) float32: unit normals of its flat pieces; zero for one without area."""
+        return self._pieces.normal
+
     def power(self) -> Float:
         """(3,) float32: flux that leaves the triangles, W, of both sides if both shine."""
         return np.asarray(self.colour * np.float32(2 * np.pi if self.two_sided else np.pi))
@@ -118,6 +123,16 @@ class MeshEmitter:
         target += pieces.first[chosen] * first[:, None]
         target += pieces.second[chosen] * second[:, None]
         return aimed(points, normals, target, pieces.normal[chosen], self._sees_backs(points))
+
+    def pieces(self) -> tuple[Float, ...]:
+        """Corner, two sides and normal (k, 3) of its flat pieces; whether each is a parallelogram, the upper limit of
+        its share of the flux in [0, 1], and its exitance over `colour`, (k,) each."""
+        some = self._pieces
+        # Exactly 1 from the last piece on that shines, so that every number below 1 finds one.
+        shares = some.limit.astype(np.float64)
+        shares = np.where(shares >= shares[-1], 1.0, shares)
+        brightness = self.radiance[some.triangle].sum(axis=1) * np.pi / max(float(some.colour.sum()), TINY)
+        return some.corner, some.first, some.second, some.normal, some.square, shares, brightness
 
     def translated(self, offset: Float) -> MeshEmitter:
         """The same triangles, moved by (3,) metres."""

@@ -4,7 +4,8 @@ A patch is the met sides of cells in one box of an octree that face one way (the
 layer of the box across that way, have about the same room in front of them, and belong to one shell (small shells,
 gravel or leaves, are taken together): a board, its back and the wall right behind it are three patches, for they do
 not see the same light. A box is split where the receivers look often (`grow`), and where the solution turns out to
-vary inside it (`split`), so that the number of patches follows the light and not the triangles.
+vary inside it (`split`), so that the number of patches follows the light and not the triangles. Cells with a wall
+between them are of different patches (`walls`).
 """
 
 from __future__ import annotations
@@ -17,6 +18,8 @@ from numpy.typing import NDArray
 
 from .geometry import Geometry
 from .shells import Shells
+from .visibility import Visibility
+from .walls import comparable, walled
 
 Float = NDArray[np.floating[Any]]
 Int = NDArray[np.integer[Any]]
@@ -32,6 +35,8 @@ GAP_CLASSES = 8
 NEAR_WEIGHT = 4.0
 # Shells smaller than this part of a box are taken together in it.
 SMALL_SHELL = 0.5
+# Rooms that a box is told apart into, at most.
+MOST_ROOMS = 4
 
 
 @dataclass(frozen=True, eq=False)
@@ -78,13 +83,19 @@ class Patches:
     low, high : (3,) the scene's bounding box about its origin.
     smallest : no box is split below this edge, metres.
     view : how far the receivers usually see, metres.
+    visibility : what stands between cells; None if nothing does.
 
     Attributes
     ----------
     level : (p,) int32 of each patch; its box has the edge `edge / 2^level`.
     """
 
-    def __init__(self, shells: Shells, low: Float, high: Float, smallest: float, view: float) -> None:
+    def __init__(self, shells: Shells, low: Float, high: Float, smallest: float, view: float,
+                 visibility: Visibility | None = None) -> None:
+        self._visibility = visibility
+        # Of each patch, the place that others are compared with.
+        self._place, self._facing = np.empty((0, 3), np.float32), np.empty((0, 3), np.float32)
+        self._room = np.empty(0, np.float32)
         self._shells, self._view = shells, view
         self._low = np.asarray(low, np.float64)
         self.edge = max(float(np.max(np.asarray(high, np.float64) - self._low)) * 1.001, 1e-30)
@@ -131,7 +142,7 @@ class Patches:
         for level in range(self.depth + 1):
             keys = self._keys(spots.take(rest), level)
             deeper = _contains(self._split[level], keys)
-            numbers[rest[~deeper]] = self._numbers(keys[~deeper], level)
+            numbers[rest[~deeper]] = self._rooms(spots.take(rest[~deeper]), keys[~deeper], level)
             rest = rest[deeper]
             if not len(rest):
                 break
@@ -143,18 +154,46 @@ class Patches:
         voxel = np.floor((points - self._low) / half[:, None]).astype(np.int64) & 1
         return np.asarray(voxel @ np.array([1, 2, 4]), np.uint8)
 
-    def _numbers(self, keys: Keys, level: int) -> NDArray[np.int32]:
-        unique, inverse = np.unique(keys, return_inverse=True)
+    def _rooms(self, spots: Spots, keys: Keys, level: int) -> NDArray[np.int32]:
+        """The patch of each spot (n,): of a box's patches the first that no wall hides from it."""
+        numbers = self._numbers(spots, keys, keys, level)
+        here = np.arange(len(keys))
+        for room in range(1, MOST_ROOMS):
+            here = here[self._walled(spots.take(here), numbers[here], level)]
+            if not len(here):
+                break
+            behind = (keys[here] ^ np.uint64(room)) * np.uint64(0x9E3779B97F4A7C15)
+            numbers[here] = self._numbers(spots.take(here), behind, keys[here], level)
+        return numbers
+
+    def _walled(self, spots: Spots, numbers: NDArray[np.int32], level: int) -> NDArray[np.bool_]:
+        """Whether a wall stands between each spot and the place that its patch is known by."""
+        found = np.zeros(len(numbers), bool)
+        if self._visibility is None:
+            return found
+        rows = np.flatnonzero(comparable(spots.points, spots.normals, self._place[numbers], self._facing[numbers]))
+        one, patch = spots.take(rows), numbers[rows]
+        found[rows] = walled(self._visibility, one.points, one.normals, np.minimum(one.gap, self._room[patch]),
+                             self._place[patch], np.full(len(rows), self.edge / 2.0**level, np.float32))
+        return found
+
+    def _numbers(self, spots: Spots, names: Keys, keys: Keys, level: int) -> NDArray[np.int32]:
+        """The patches of these names; those that are new are known by the first spot with that name."""
+        unique, first, inverse = np.unique(names, return_index=True, return_inverse=True)
         numbers = np.empty(len(unique), np.int32)
         fresh = []
-        for place, key in enumerate(unique.tolist()):
-            number = self._index.get(key)
+        for place, name in enumerate(unique.tolist()):
+            number = self._index.get(name)
             if number is None:
-                number = self._index[key] = len(self._index)
-                fresh.append(key)
+                number = self._index[name] = len(self._index)
+                fresh.append(int(first[place]))
             numbers[place] = number
-        self.key = np.concatenate([self.key, np.array(fresh, np.uint64)])
+        known_by = np.array(fresh, np.int64)
+        self.key = np.concatenate([self.key, keys[known_by]])
         self.level = np.concatenate([self.level, np.full(len(fresh), level, np.int32)])
+        self._place = np.concatenate([self._place, spots.points[known_by]])
+        self._facing = np.concatenate([self._facing, spots.normals[known_by]])
+        self._room = np.concatenate([self._room, spots.gap[known_by]])
         return np.asarray(numbers[inverse.reshape(-1)])
 
     def _add_split(self, level: int, keys: Keys) -> None:

@@ -62,7 +62,7 @@ def polygon_form_factor(points: Float, normals: Float, polygon: Float, sides: Si
     -------
     (n,) of the points' dtype, in [0, 1] ([-1, 1] if signed).
     """
-    shapes = _Shapes.of(np.asarray(polygon)[None], _float_type(points))
+    shapes = Shapes.of(np.asarray(polygon)[None], _float_type(points))
     points, normals = _columns(points, shapes), _columns(normals, shapes)
     result = np.empty(points.shape[1], points.dtype)
     for part in _chunks(len(result), CHUNK):
@@ -72,12 +72,22 @@ def polygon_form_factor(points: Float, normals: Float, polygon: Float, sides: Si
 
 def paired_form_factor(points: Float, normals: Float, polygons: Float, sides: Sides = "front") -> Float:
     """As `polygon_form_factor`, each point with a polygon of its own: polygons (n, m, 3) -> (n,)."""
-    shapes = _Shapes.of(np.asarray(polygons), _float_type(points))
+    shapes = Shapes.of(np.asarray(polygons), _float_type(points))
     points, normals = _columns(points, shapes), _columns(normals, shapes)
     result = np.empty(points.shape[1], points.dtype)
     for part in _chunks(len(result), CHUNK):
         pairs = shapes.take(np.arange(part.start, part.stop))
         result[part] = _form_factor(points[:, part], normals[:, part], pairs, sides)
+    return result
+
+
+def indexed_form_factor(points: Float, normals: Float, shapes: Shapes, index: NDArray[Any],
+                        sides: Sides = "front") -> Float:
+    """As `paired_form_factor`, each point with one of some polygons that were made ready before: index (n,) -> (n,)."""
+    points, normals = _columns(points, shapes), _columns(normals, shapes)
+    result = np.empty(points.shape[1], points.dtype)
+    for part in _chunks(len(result), CHUNK):
+        result[part] = _form_factor(points[:, part], normals[:, part], shapes.take(index[part]), sides)
     return result
 
 
@@ -97,7 +107,7 @@ def polygons_form_factor(
     -------
     (n,), or (n, c) with weights.
     """
-    shapes = _Shapes.of(np.asarray(polygons), _float_type(points))
+    shapes = Shapes.of(np.asarray(polygons), _float_type(points))
     points, normals = _columns(points, shapes), _columns(normals, shapes)
     count, k = points.shape[1], shapes.normal.shape[1]
     factors = np.ones((k, 1), points.dtype) if weights is None else np.asarray(weights, points.dtype)
@@ -115,7 +125,7 @@ def polygons_form_factor(
 
 
 @dataclass(frozen=True)
-class _Shapes:
+class Shapes:
     """Polygons as columns, with what can be known of them before any point: corners (3, m, k), edges (3, m, k),
     unit normal (3, k), centre (3, k), radius (k,), areas (m - 2, k) of the fan of triangles around corner 0."""
 
@@ -127,7 +137,7 @@ class _Shapes:
     areas: Float
 
     @classmethod
-    def of(cls, polygons: Float, dtype: Any) -> _Shapes:
+    def of(cls, polygons: Float, dtype: Any) -> Shapes:
         """Of (k, m, 3) polygons; computed in float64, kept in `dtype`."""
         corners = np.ascontiguousarray(np.moveaxis(np.asarray(polygons, np.float64), 0, 2).swapaxes(0, 1))
         edges = np.roll(corners, -1, axis=1) - corners
@@ -140,15 +150,15 @@ class _Shapes:
         areas = (crosses * normal[:, None]).sum(axis=0)
         return cls(*(array.astype(dtype) for array in (corners, edges, normal, centre, radius, areas)))
 
-    def take(self, index: NDArray[Any]) -> _Shapes:
+    def take(self, index: NDArray[Any]) -> Shapes:
         """One polygon for each pair; a lone polygon stays as it is and broadcasts."""
         if self.normal.shape[1] == 1:
             return self
-        return _Shapes(self.corners[..., index], self.edges[..., index], self.normal[:, index],
+        return Shapes(self.corners[..., index], self.edges[..., index], self.normal[:, index],
                        self.centre[:, index], self.radius[index], self.areas[:, index])
 
 
-def _form_factor(points: Float, normals: Float, shapes: _Shapes, sides: Sides) -> Float:
+def _form_factor(points: Float, normals: Float, shapes: Shapes, sides: Sides) -> Float:
     """Form factors (n,) of the elements (3, n) to their polygons: each by the cheapest method that is exact for it."""
     seen = shapes.corners - points[:, None]
     height = _dot(seen, normals[:, None])
@@ -173,13 +183,13 @@ def _form_factor(points: Float, normals: Float, shapes: _Shapes, sides: Sides) -
     return _sided(result, sides)
 
 
-def _lambert(seen: Float, normals: Float, shapes: _Shapes, tolerance: Float) -> Float:
+def _lambert(seen: Float, normals: Float, shapes: Shapes, tolerance: Float) -> Float:
     """Lambert's sum over the edges of polygons that lie above the horizon."""
     seen = _before_the_edge(seen, shapes, tolerance)
     return lambert_sum(seen, np.roll(seen, -1, axis=1), shapes.edges, normals)
 
 
-def _clipped_lambert(seen: Float, normals: Float, shapes: _Shapes, tolerance: Float) -> Float:
+def _clipped_lambert(seen: Float, normals: Float, shapes: Shapes, tolerance: Float) -> Float:
     """Lambert's sum over the part of each polygon that lies above the horizon."""
     seen = _before_the_edge(seen, shapes, tolerance)
     front = -_dot(seen[:, 0], shapes.normal) >= -tolerance
@@ -208,7 +218,7 @@ def lambert_sum(start: Float, end: Float, edges: Float, normals: Float) -> Float
     return np.asarray(-(angle * upward / np.maximum(length, np.finfo(length.dtype).tiny)).sum(axis=0) / (2 * np.pi))
 
 
-def _before_the_edge(seen: Float, shapes: _Shapes, tolerance: Float) -> Float:
+def _before_the_edge(seen: Float, shapes: Shapes, tolerance: Float) -> Float:
     """The same corners; from a point that lies on an edge, as seen from a hair's breadth in front of the polygon.
 
     The hair is the square root of the rounding error: the value's error and the direction's are then alike.
@@ -224,7 +234,7 @@ def _before_the_edge(seen: Float, shapes: _Shapes, tolerance: Float) -> Float:
     return np.asarray(seen - (hair * shapes.normal)[:, None])
 
 
-def _area_rule(seen: Float, normals: Float, shapes: _Shapes, tolerance: Float) -> Float:
+def _area_rule(seen: Float, normals: Float, shapes: Shapes, tolerance: Float) -> Float:
     """Gauss points on the fan of triangles, for polygons that are small as seen from the points.
 
     cos cos' dA / (pi r^2), where r cos' is the distance from the polygon's plane: the same for all of its points.
@@ -251,7 +261,7 @@ def _float_type(points: Float) -> Any:
     return dtype if dtype in (np.float32, np.float64) else np.dtype(np.float64)
 
 
-def _columns(rows: Float, shapes: _Shapes) -> Float:
+def _columns(rows: Float, shapes: Shapes) -> Float:
     return np.ascontiguousarray(np.asarray(rows, shapes.normal.dtype).T)
 
 

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from .audit import ErrorBar
 from .closure import PatchTable
+from .emission_pieces import mean_exitance
 from .energy import EnergyBalance
 from .errors import SceneError
 from .geometry import Geometry
@@ -21,7 +22,6 @@ from .linear import LinearResult
 from .parallel import Run
 from .scene import Scene
 from .settings import Settings
-from .sources import triangle_exitance
 
 if TYPE_CHECKING:
     from .transport import Transport
@@ -94,7 +94,7 @@ class Solution:
                       "products": linear.products, "residuals": list(linear.residuals)}
         # Cells leave out what lamps emit, so that rays which meet a lamp don't count it twice.
         of_cells = mean(transport.met.emission)
-        of_lamps = np.where(of_cells.any(axis=1, keepdims=True), np.float32(0), triangle_exitance(geometry))
+        of_lamps = np.where(of_cells.any(axis=1, keepdims=True), np.float32(0), mean_exitance(geometry))
         radiosity = mean(transport.leaving()[:-1]) + of_lamps
         return cls(radiosity, mean(transport.met.incident + indirect), linear.outcome, statistics)
 

@@ -120,8 +120,10 @@ class Scene:
     corner_normals : (t, 3, 3) float32 unit shading normals at the corners, or None for flat triangles.
     uv : (t, 3, 2) float32 texture coordinates, or None.
     textures : images that `reflectance_texture` and `emission_texture` point to.
-    reflectance_texture, emission_texture : (t,) int32 index into `textures`, -1 for none; what the texture says
-        is multiplied by `reflectance` or `emission`.
+    opacity : part of the rays that a triangle stops, both ways; the others go on unchanged: a number or (t,).
+    casts_shadow, seen : whether shadow rays towards lamps meet a triangle, and whether gather rays do: bool or (t,).
+    reflectance_texture, emission_texture, opacity_texture : (t,) int32 index into `textures`, -1 for none; what the
+        texture says is multiplied by `reflectance`, `emission` or `opacity` (of which its first channel counts).
     material : (t,) int32 index into `material_names`, for messages; None where nothing is known.
     lights : lamps (see `solver.lights`).
     sky : light from outside.
@@ -142,6 +144,10 @@ class Scene:
     textures: tuple[Texture, ...] = ()
     reflectance_texture: NDArray[np.integer[Any]] | None = None
     emission_texture: NDArray[np.integer[Any]] | None = None
+    opacity: ArrayLike = 1.0
+    casts_shadow: ArrayLike = True
+    seen: ArrayLike = True
+    opacity_texture: NDArray[np.integer[Any]] | None = None
     material: NDArray[np.integer[Any]] | None = None
     material_names: tuple[str, ...] = ()
     lights: Sequence[Light] = ()
@@ -177,8 +183,14 @@ class Scene:
                 if array.shape != shape or not np.isfinite(array).all():
                     raise SceneError(f"{name} has shape {array.shape} or is not finite: give {shape}, finite")
                 put(name, _frozen(array))
+        opacity = np.array(np.broadcast_to(np.asarray(self.opacity, np.float32), (count,)))
+        if count and not (0 <= opacity.min() and opacity.max() <= 1):
+            raise SceneError(f"opacity runs from {opacity.min():g} to {opacity.max():g}: give values from 0 to 1")
+        put("opacity", _frozen(opacity))
+        for name in ("casts_shadow", "seen"):
+            put(name, _frozen(np.array(np.broadcast_to(np.asarray(getattr(self, name), bool), (count,)))))
         for name, limit in (("reflectance_texture", len(self.textures)), ("emission_texture", len(self.textures)),
-                            ("material", len(self.material_names))):
+                            ("opacity_texture", len(self.textures)), ("material", len(self.material_names))):
             value = getattr(self, name)
             array = np.full(count, -1, np.int32) if value is None else np.ascontiguousarray(value, np.int32)
             if array.shape != (count,) or (count and not (-1 <= array.min() and array.max() < limit)):

@@ -2,7 +2,7 @@
 
 Sides of triangles with the same ends in space are found by their vertices. Where meshes touch that are cut in other
 places (floor tiles beside a long wall's floor, two objects side by side) a short ray beside the edge finds who lies
-there.
+there. Where a wall stands on the seam the light really has a step, and there is no sample.
 """
 
 from __future__ import annotations
@@ -49,6 +49,10 @@ class SeamSamples:
     def __len__(self) -> int:
         return len(self.triangle)
 
+    def take(self, index: NDArray[Any]) -> SeamSamples:
+        """Some of the samples."""
+        return SeamSamples(self.triangle[index], self.uv[index])
+
 
 def seam_samples(lumels: Lumels, scene: Scene) -> SeamSamples:
     """One sample a texel along all seams of smooth surfaces."""
@@ -78,12 +82,16 @@ def seam_samples(lumels: Lumels, scene: Scene) -> SeamSamples:
     joined = np.zeros((len(scene.triangles), 3), bool)
     joined[first[smooth], side[smooth]] = joined[second[smooth], other[smooth]] = True
     triangle, edge = np.nonzero(~joined[laid])
-    touching = _touching(scene, uv, normal, page, sizes, laid[triangle], edge)
-    return SeamSamples(np.concatenate([shared.triangle, touching.triangle]),
-                       np.concatenate([shared.uv, touching.uv]))
+    corners = scene.vertices[scene.triangles] - scene.origin
+    visibility = Visibility(np.asarray(corners, np.float32))
+    touching = _touching(corners, visibility, uv, normal, page, sizes, laid[triangle], edge)
+    samples = SeamSamples(np.concatenate([shared.triangle, touching.triangle]),
+                          np.concatenate([shared.uv, touching.uv]))
+    return samples.take(_open(corners, visibility, uv, sizes[page], samples))
 
 
-def _touching(scene: Scene, uv: Float, normal: Float, page: Int, sizes: Float, triangle: Int, side: Int) -> SeamSamples:
+def _touching(corners: Float, visibility: Visibility, uv: Float, normal: Float, page: Int, sizes: Float, triangle: Int,
+              side: Int) -> SeamSamples:
     """Samples along the given sides of triangles (n,) beside which another triangle lies flush.
 
     A ray starts a little beyond the edge and above the surface, and looks down on it.
@@ -92,21 +100,16 @@ def _touching(scene: Scene, uv: Float, normal: Float, page: Int, sizes: Float, t
     along, edge = _along((uv[triangle[:, None], ends] * sizes[page[triangle]][:, None])[:, None])
     along = along[:, 0]
     own, corner = triangle[edge], ends[edge]
-    corners = scene.vertices[scene.triangles] - scene.origin
-    rows = np.arange(len(own))
     start, end = corners[own, corner[:, 0]], corners[own, corner[:, 1]]
     third = corners[own, 3 - corner.sum(axis=1)]
     point = start * (1 - along) + end * along
-    up = _unit(np.cross(corners[own, 1] - corners[own, 0], corners[own, 2] - corners[own, 0]))
+    up = _upward(corners[own])
     outward = _unit(np.cross(end - start, up))
     outward *= np.where(((third - point) * outward).sum(axis=1) > 0, -1.0, 1.0)[:, None]
     place = uv[own, corner[:, 0]] * (1 - along) + uv[own, corner[:, 1]] * along
-    texel = np.linalg.norm(end - start, axis=1) / np.maximum(np.linalg.norm(
-        (uv[own, corner[:, 1]] - uv[own, corner[:, 0]]) * sizes[page[own]], axis=1), 1e-30)
-    least = LEAST_STEPS * OFFSET * np.abs(corners).max(initial=0)
-    step, level = np.maximum(BESIDE * texel, least), np.maximum(LEVEL * texel, least)
+    step, level = _steps(corners, uv, sizes[page], own)
     origin = point + outward * step[:, None] + up * (2 * level)[:, None]
-    hits = Visibility(np.asarray(corners, np.float32)).hits(np.asarray(origin, np.float32), np.asarray(-up, np.float32))
+    hits = visibility.hits(np.asarray(origin, np.float32), np.asarray(-up, np.float32))
     met = np.maximum(hits.triangle, 0)
     weight = np.stack([1 - hits.u - hits.v, hits.u, hits.v], axis=1).astype(np.float64)
     theirs = _unit((normal[met] * weight[:, :, None]).sum(axis=1))
@@ -117,6 +120,44 @@ def _touching(scene: Scene, uv: Float, normal: Float, page: Int, sizes: Float, t
     # Where the ray met the neighbour is a little inside it: as near to the edge as rays can tell.
     other = (uv[met[rows]] * weight[rows][:, :, None]).sum(axis=1)
     return SeamSamples(np.stack([own[rows], met[rows]], axis=1), np.stack([place[rows], other], axis=1))
+
+
+def _open(corners: Float, visibility: Visibility, uv: Float, sizes: Float, samples: SeamSamples) -> NDArray[np.bool_]:
+    """(n,) bool: samples between whose sides nothing stands: a line from one to the other just above them is free."""
+    ends = []
+    for side in (0, 1):
+        own = samples.triangle[:, side]
+        # Where the sample lies on its triangle, from where it lies in the layout.
+        a, b = uv[own, 1] - uv[own, 0], uv[own, 2] - uv[own, 0]
+        offset = samples.uv[:, side] - uv[own, 0]
+        area = a[:, 0] * b[:, 1] - a[:, 1] * b[:, 0]
+        area = np.where(area == 0, np.inf, area)
+        u = (offset[:, 0] * b[:, 1] - offset[:, 1] * b[:, 0]) / area
+        v = (a[:, 0] * offset[:, 1] - a[:, 1] * offset[:, 0]) / area
+        corner = corners[own]
+        point = corner[:, 0] + u[:, None] * (corner[:, 1] - corner[:, 0]) + v[:, None] * (corner[:, 2] - corner[:, 0])
+        step, level = _steps(corners, uv, sizes, own)
+        inward = _unit(corner.mean(axis=1) - point)
+        ends.append(point + inward * step[:, None] + _upward(corner) * (2 * level)[:, None])
+    way = ends[1] - ends[0]
+    length = np.linalg.norm(way, axis=1)
+    way /= np.maximum(length, 1e-300)[:, None]
+    return ~visibility.occluded(*(np.asarray(each, np.float32) for each in (ends[0], way, length)))
+
+
+def _steps(corners: Float, uv: Float, sizes: Float, triangle: Int) -> tuple[Float, Float]:
+    """How far beside and above an edge of the triangles (n,) one looks, metres: parts of their texels."""
+    a, b = uv[triangle, 1] - uv[triangle, 0], uv[triangle, 2] - uv[triangle, 0]
+    texels = np.abs(a[:, 0] * b[:, 1] - a[:, 1] * b[:, 0]) * sizes[triangle].prod(axis=1)
+    one, two = (corners[triangle, k] - corners[triangle, 0] for k in (1, 2))
+    texel = np.sqrt(np.linalg.norm(np.cross(one, two), axis=1) / np.maximum(texels, 1e-30))
+    least = LEAST_STEPS * OFFSET * np.abs(corners).max(initial=0)
+    return np.maximum(BESIDE * texel, least), np.maximum(LEVEL * texel, least)
+
+
+def _upward(corner: Float) -> Float:
+    """(n, 3) unit normals of triangles (n, 3, 3)."""
+    return _unit(np.cross(corner[:, 1] - corner[:, 0], corner[:, 2] - corner[:, 0]))
 
 
 def _along(ends: Float) -> tuple[Float, Int]:
@@ -147,8 +188,7 @@ def _normals(scene: Scene) -> Float:
     if scene.corner_normals is not None:
         return np.asarray(scene.corner_normals)
     corners = scene.vertices[scene.triangles]
-    normal = _unit(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]))
-    return np.repeat(normal[:, None], 3, axis=1)
+    return np.repeat(_upward(corners)[:, None], 3, axis=1)
 
 
 def _unit(vectors: Float) -> Float:

@@ -42,28 +42,41 @@ class Taps:
     owner: NDArray[np.int32]
 
 
-def stitch(lumels: Lumels, scene: Scene, images: list[Float]) -> list[Float]:
-    """Make the light agree on both sides of seams.
+class Seams:
+    """The seams of a layout, ready to be stitched in any number of sets of images."""
 
-    Parameters
-    ----------
-    images : one (height, width, 3) a page of `lumels`, dilated by one texel at least.
+    def __init__(self, lumels: Lumels, scene: Scene) -> None:
+        samples = seam_samples(lumels, scene)
+        taps = seam_taps(samples, lumels, scene)
+        texel = taps.texel.reshape(-1, 8)
+        self._weight = (taps.weight * np.array([1.0, -1.0])[:, None]).reshape(-1, 8)
+        self._unknown, column = np.unique(texel, return_inverse=True)
+        self._column = column.reshape(texel.shape)
+        self._anchor = np.where(taps.owner[self._unknown] >= 0, 1.0, MARGIN_WEIGHT)
 
-    Returns
-    -------
-    Copies, changed next to seams only. Never changed are texels at creases, and between objects unless they are flush.
-    """
-    samples = seam_samples(lumels, scene)
-    if not len(samples):
-        return [np.array(image) for image in images]
-    taps = seam_taps(samples, lumels, scene)
-    texel = taps.texel.reshape(-1, 8)
-    weight = (taps.weight * np.array([1.0, -1.0])[:, None]).reshape(-1, 8)
-    flat = np.concatenate([np.asarray(image, np.float64).reshape(-1, 3) for image in images])
-    unknown, column = np.unique(texel, return_inverse=True)
-    anchor = np.where(taps.owner[unknown] >= 0, 1.0, MARGIN_WEIGHT)
-    change = _solve(column.reshape(texel.shape), weight, anchor, flat[unknown])
-    flat[unknown] = np.maximum(flat[unknown] + change, np.minimum(flat[unknown], 0))
+    def stitch(self, images: list[Float]) -> list[Float]:
+        """Make the light agree on both sides of the seams.
+
+        Parameters
+        ----------
+        images : one (height, width, 3) a page, dilated by one texel at least.
+
+        Returns
+        -------
+        Copies, changed next to seams only. Never changed are texels at creases, at walls that stand on a seam, and
+        between objects unless they are flush.
+        """
+        if not len(self._unknown):
+            return [np.array(image) for image in images]
+        flat = np.concatenate([np.asarray(image, np.float64).reshape(-1, 3) for image in images])
+        before = flat[self._unknown]
+        change = _solve(self._column, self._weight, self._anchor, before)
+        flat[self._unknown] = np.maximum(before + change, np.minimum(before, 0))
+        return _pages(flat, images)
+
+
+def _pages(flat: Float, images: list[Float]) -> list[Float]:
+    """Texels of all pages one after another, as images of the same shapes."""
     ends = np.cumsum([image.shape[0] * image.shape[1] for image in images])[:-1]
     return [part.reshape(image.shape).astype(np.float32)
             for part, image in zip(np.split(flat, ends), images, strict=True)]

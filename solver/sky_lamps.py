@@ -38,12 +38,9 @@ CONTRAST = 6.0
 LEAST_SHARE, LEAST_PEAK = 0.01, 4.0
 # Spots that become lamps each; all others together become one.
 MOST_SPOTS = 6
-# A spot within this half angle has one colour (radians); a wider one gives up the light of its most frequent colours
-# in turn, so many times, and leaves the rest.
+# A spot within this half angle has one colour, radians. A wider one gives up as much light of its mean colour as it
+# has, if what is left is fainter than the contrast; else each channel becomes a lamp of its own.
 SMALL = np.radians(3.0)
-COLOURS = 3
-# Light fainter than this part of the spot's mean is not worth a lamp.
-FAINTEST = 1e-3
 # A spot's core, brighter than this part of its peak, is looked at closely if it is small and gives this part of all.
 CORE, CORE_SHARE = 0.01, 0.01
 # A disc of even radiance has <r^4> / <r^2>^2 = 4/3; up to this, and up to this half angle, a spot counts as a disc.
@@ -81,7 +78,7 @@ def peel(sky: Sky, close_look: CloseLook | None = None, name: str = "sky") -> tu
             if _is_faint(seen, level):
                 continue
             rest[taken.row, taken.column] -= taken.light
-            made, left = _lamps(seen, f"{name} {len(lamps) + 1}")
+            made, left = _lamps(seen, level, f"{name} {len(lamps) + 1}")
             lamps += made
             if left is not None:
                 rest[seen.row, seen.column] += left
@@ -183,27 +180,20 @@ def _looked_at(spot: _Spot, whole: SkyMap, level: float, total: float,
     return [(fine, spot.take(np.flatnonzero(near))), *([(far, far)] if len(far.row) else [])]
 
 
-def _lamps(spot: _Spot, name: str) -> tuple[list[Light], Float | None]:
+def _lamps(spot: _Spot, level: float, name: str) -> tuple[list[Light], Float | None]:
     """A spot's lamps, and what is left of its light (k, 3), None for nothing."""
+    fluence = (spot.light * spot.texels.solid_angle[:, None]).sum(axis=0)
     if spot.cap()[1] <= SMALL:
-        fluence = (spot.light * spot.texels.solid_angle[:, None]).sum(axis=0)
         return [_disc(spot, fluence, name) or _patch(spot, spot.light.mean(axis=1), fluence, name)], None
-    lamps: list[Light] = []
-    left = spot.light.copy()
-    for number in range(COLOURS):
-        fluence = (left * spot.texels.solid_angle[:, None]).sum(axis=0)
-        colour = fluence / max(fluence.max(), 1e-300)
-        # The most that can be taken of this colour without any channel's going below zero.
-        some = np.flatnonzero(colour > 0)
-        if not len(some):
-            break
-        amount = (left[:, some] / colour[some]).min(axis=1)
-        fluence = colour * float((amount * spot.texels.solid_angle).sum())
-        if fluence.mean() <= FAINTEST * spot.power:
-            break
-        lamps.append(_patch(spot, amount, fluence, f"{name}.{number + 1}"))
-        left = np.maximum(left - amount[:, None] * colour, 0)
-    return lamps, left
+    colour = fluence / fluence.max()
+    some = np.flatnonzero(colour > 0)
+    # The most that can be taken of this colour without any channel's going below zero.
+    amount = (spot.light[:, some] / colour[some]).min(axis=1)
+    left = np.maximum(spot.light - amount[:, None] * colour, 0)
+    if left.mean(axis=1).max() < level:
+        return [_patch(spot, amount, colour * float((amount * spot.texels.solid_angle).sum()), name)], left
+    return [_patch(spot, spot.light[:, channel], fluence * np.eye(3)[channel], f"{name} {'RGB'[channel]}")
+            for channel in some], None
 
 
 def _patch(spot: _Spot, amount: Float, fluence: Float, name: str) -> SkyPatch:

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -43,7 +44,6 @@ class SkyPatch:
     row: Int
     share: Float
     fluence: Float
-    _table: _Table = field(init=False, repr=False)
 
     def __post_init__(self) -> None:
         direction, share = np.array(self.direction, np.float64), np.array(self.share, np.float64)
@@ -52,8 +52,12 @@ class SkyPatch:
                              "or there is no light: give (k, 3) and (k,), k > 0")
         if not (np.isfinite(direction).all() and np.isfinite(share).all()) or share.min() < 0:
             raise SceneError(f"lamp {self.name!r}: a direction or share is negative or not finite")
-        put(self, fluence=spectrum(self.name, "fluence", self.fluence))
-        put(self, _table=_Table(direction, np.array(self.across), np.array(self.along), np.array(self.row), share))
+        put(self, fluence=spectrum(self.name, "fluence", self.fluence), direction=direction, share=share,
+            across=np.array(self.across, np.float64), along=np.array(self.along, np.float64), row=np.array(self.row))
+
+    @cached_property
+    def _table(self) -> _Table:
+        return _Table(self.direction, self.across, self.along, self.row, self.share)
 
     @property
     def colour(self) -> Float:
@@ -133,7 +137,7 @@ def _draw(running: Float, value: Float) -> tuple[Int, Float]:
 
 def _grouped(direction: Float, share: Float) -> tuple[Float, Float]:
     """Power (g,) and mean direction (g, 3) float32 of groups of texels that lie together (median cut, Debevec 2005)."""
-    groups = [np.arange(len(share))]
+    groups: list[Int] = [np.arange(len(share))]
     while len(groups) < HORIZON_GROUPS:
         halves = [half for group in groups for half in _halves(direction, share, group)]
         if len(halves) == len(groups):

@@ -54,7 +54,7 @@ class SkyMap:
     def solid_angle(self) -> Float:
         """(h, 1) sr of the texels of each row."""
         edge = np.cos(np.pi * np.arange(self.height + 1) / self.height)
-        return (edge[:-1] - edge[1:])[:, None] * (2 * np.pi / self.width)
+        return np.asarray((edge[:-1] - edge[1:])[:, None] * (2 * np.pi / self.width))
 
     def texels(self, row: Int, column: Int) -> Texels:
         """See Picture."""

@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from .emission_pieces import emission_pieces, mean_exitance
 from .geometry import Geometry
 from .lights import Light
 from .mesh_emitter import group_emitters
@@ -22,19 +23,12 @@ def light_sources(geometry: Geometry) -> tuple[tuple[Light, ...], NDArray[np.boo
     """The scene's lamps about its origin, emissive triangles among them, and a mask (t,) of those triangles."""
     scene = geometry.scene
     lamps = tuple(light.translated(-scene.origin) for light in scene.lights if np.any(light.colour))
-    exitance = triangle_exitance(geometry)
+    exitance = mean_exitance(geometry)
     brightness = exitance.mean(axis=1)
     total_area = float(geometry.area.sum())
     if not brightness.any():
         return lamps, np.zeros(len(brightness), bool)
     mean = float((brightness * geometry.area).sum() / max(total_area, 1e-30))
     is_lamp = (brightness > LAMP_CONTRAST * mean) & (geometry.area > 0)
-    corners = geometry.corners[is_lamp].astype(np.float64)
-    return lamps + group_emitters(corners, exitance[is_lamp]), is_lamp
-
-
-def triangle_exitance(geometry: Geometry) -> Float:
-    """(t, 3) mean exitance of each triangle, W/m2; textures by their value at the middle."""
-    count = len(geometry.area)
-    third = np.full(count, 1 / 3, np.float32)
-    return geometry.emission(np.arange(count), third, third)
+    pieces = emission_pieces(geometry, np.flatnonzero(is_lamp), exitance)
+    return lamps + group_emitters(pieces.corners, pieces.exitance), is_lamp

@@ -89,7 +89,7 @@ class Spot(Point):
     def sample(self, points: Float, normals: Float, uv: Float) -> LightSample:
         """As a point lamp's, times the cone; inside a sphere there is no cone, as in Cycles."""
         plain = super().sample(points, normals, uv)
-        fade = self._attenuation(plain.direction)
+        fade = self.attenuation(plain.direction)
         if self.sphere:
             fade = np.where(View.of(self, points, normals).inside, 1, fade)
         return LightSample(plain.direction, plain.distance, np.asarray(plain.weight * fade, np.float32))
@@ -110,12 +110,13 @@ class Spot(Point):
         local = towards_lamp @ np.linalg.inv(self.frame).T.astype(np.float32)  # type: ignore[arg-type]
         return np.asarray(local[:, 2] / np.maximum(np.sqrt(dot(local, local)), np.finfo(np.float32).tiny))
 
-    def _attenuation(self, towards_lamp: Float) -> Float:
+    def attenuation(self, towards_lamp: Float) -> Float:
+        """(n,) part of the light that the cone lets pass, of (n, 3) unit directions from receivers to the lamp."""
         return self._fade(self._local_cosine(towards_lamp))
 
     def _mean_fade(self, view: View) -> Float:
         """The cone's mean over the lamp as seen from each point, weighted by the surface's cosine."""
-        fade = self._attenuation(view.axis)
+        fade = self.attenuation(view.axis)
         if self.radius == 0:
             return fade
         # Angles in the lamp's frame grow by the frame's condition number at most.
@@ -142,7 +143,7 @@ class Spot(Point):
                 x, y = np.sqrt(node) * np.cos(angle), np.sqrt(node) * np.sin(angle)
                 direction = cap.towards(axis, sine_squared, x, y)
                 weight = node_weight * np.maximum(dot(direction, normals), 0)
-                total += weight * self._attenuation(direction)
+                total += weight * self.attenuation(direction)
                 norm += weight
         return np.asarray(total / np.maximum(norm, np.finfo(np.float64).tiny), np.float32)
 

@@ -62,7 +62,10 @@ class TwinInCycles:
         self.squares = {row["object"]: int(row["square"]) for row in known["receivers"]}
         self.bpy = open_blend(case.folder / "twin.blend")
         self.images = {name: self._prepare(name, known["uv_layer"]) for name in self.squares}
-        _set_up(self.bpy)
+        from radiosity.radiosity_addon import cycles
+
+        # What `compare` of the product sets, too.
+        cycles.set_up_bake(self.bpy.context.scene)
 
     def _prepare(self, name: str, layer: str) -> Any:
         """Image of a receiver's square alone: the same lumels at the same size, without the empty rest."""
@@ -107,25 +110,6 @@ class TwinInCycles:
         whole = np.zeros((self.resolution, self.resolution, 4), np.float32)
         whole[:side, :side] = square.reshape(side, side, 4)
         return whole
-
-
-def _set_up(bpy: Any) -> None:
-    scene = bpy.context.scene
-    scene.render.engine = "CYCLES"
-    cycles = scene.cycles
-    cycles.device = "CPU"
-    cycles.use_adaptive_sampling = False
-    cycles.use_denoising = False
-    cycles.sample_clamp_direct = cycles.sample_clamp_indirect = 0.0
-    cycles.light_sampling_threshold = 0.0
-    cycles.use_light_tree = True
-    cycles.use_fast_gi = False
-    cycles.use_guiding = False
-    cycles.sampling_pattern = "TABULATED_SOBOL"
-    cycles.max_bounces = cycles.diffuse_bounces = BOUNCES
-    cycles.min_light_bounces = 0
-    scene.render.bake.use_clear = True
-    scene.render.bake.margin = 0
 
 
 def save(case: Case, bake: CyclesBake, content: str) -> Path:

@@ -4,9 +4,11 @@ from __future__ import annotations
 
 from typing import Any
 
+import addon_utils
 import bpy
 import numpy as np
 import pytest
+from radiosity.radiosity_addon import cycles, evaluate
 from radiosity.radiosity_addon.export import export_scene
 from radiosity.radiosity_addon.images import srgb_to_linear
 from radiosity.radiosity_addon.world import read_world
@@ -19,6 +21,11 @@ from radiosity.solver.settings import Settings
 
 def export(warnings: list[dict[str, Any]]) -> Scene:
     return export_scene(bpy.context.scene, bpy.context.view_layer, Settings(), warnings).scene
+
+
+def opaque(value: float, side: int = 4) -> np.ndarray:
+    """(side, side, 4) of one grey, alpha 1."""
+    return np.concatenate([np.full((side, side, 3), value), np.ones((side, side, 1))], axis=2)
 
 
 def unwrap_square(square: Any, scale: float = 1.0) -> None:
@@ -105,7 +112,7 @@ def test_a_float_image_is_linear_already(build):
     # A float image of .25 everywhere. Exact answer: reflectance .25.
     build.sun()
     square = build.mesh("Square", material=build.textured("Matt", build.image(
-        "Quarter", np.full((4, 4, 4), 0.25), is_float=True)))
+        "Quarter", opaque(0.25), is_float=True)))
     unwrap_square(square)
     scene = export([])
     assert Geometry(scene).reflectance(*hit(scene, 0.3, 0.6)) == pytest.approx(0.25, abs=1e-4)
@@ -114,8 +121,8 @@ def test_a_float_image_is_linear_already(build):
 def test_a_mapping_node_moves_the_image(build):
     # Two halves, .2 left and .6 right, moved by half an image. Exact answer: .6 left.
     build.sun()
-    pixels = np.full((8, 8, 4), 0.2)
-    pixels[:, 4:] = 0.6
+    pixels = opaque(0.2, 8)
+    pixels[:, 4:, :3] = 0.6
     material = build.textured("Moved", build.image("Halves", pixels, is_float=True))
     tree = material.node_tree
     image = next(node for node in tree.nodes if node.bl_idname == "ShaderNodeTexImage")
@@ -169,7 +176,7 @@ def test_a_lamp_of_glass_keeps_its_light(build):
 def test_an_image_times_a_colour_is_read_through_the_mix_node(build):
     # An image of .5 multiplied by (.2, .4, .8), as glTF imports have it. Exact answer: (.1, .2, .4).
     build.sun()
-    material = build.textured("Tinted", build.image("Half", np.full((4, 4, 4), 0.5), is_float=True))
+    material = build.textured("Tinted", build.image("Half", opaque(0.5), is_float=True))
     tree = material.node_tree
     image = next(node for node in tree.nodes if node.bl_idname == "ShaderNodeTexImage")
     mix = tree.nodes.new("ShaderNodeMix")
@@ -205,16 +212,86 @@ def test_a_group_of_nodes_is_looked_into(build):
     assert np.allclose(export([]).reflectance, (0.1, 0.3, 0.5))
 
 
-def test_nodes_that_are_not_evaluated_are_told_with_the_value_used(build):
-    # A base colour driven by a noise texture. Exact answer: the socket's own colour, and a line for the material.
-    build.sun()
+def marble(build):
+    """A Principled material whose base colour is a noise; the socket's own colour is .3."""
     material = build.material("Marble", (0.3, 0.3, 0.3))
     noise = material.node_tree.nodes.new("ShaderNodeTexNoise")
     material.node_tree.links.new(noise.outputs["Color"], build.shader(material).inputs["Base Color"])
-    build.mesh("Square", material=material)
+    return material
+
+
+def test_without_cycles_nodes_are_told_with_the_value_used(build):
+    # A base colour driven by a noise texture, Cycles switched off. Exact answer: the socket's own colour, two lines.
+    build.sun()
+    build.mesh("Square", material=marble(build))
+    bpy.context.scene.world = None
     warnings: list[dict[str, Any]] = []
-    assert np.allclose(export(warnings).reflectance, 0.3)
-    assert [(entry["object"], entry["code"]) for entry in warnings] == [("Marble", "material")]
+    addon_utils.disable("cycles")
+    try:
+        scene = export(warnings)
+    finally:
+        addon_utils.enable("cycles")
+    assert np.allclose(scene.reflectance, 0.3)
+    assert {(entry["object"], entry["code"]) for entry in warnings} == {("Marble", "material")}
+    assert "object 'Square'" in warnings[0]["message"]
+    assert "Cycles is switched off" in warnings[0]["message"]
+    assert "(0.3, 0.3, 0.3) is used" in warnings[1]["message"]
+
+
+def test_an_evaluated_material_leaves_no_trace(build):
+    # A marble square, something selected and active. Exact answer: no new data, same selection, settings and nodes.
+    build.sun()
+    square = build.mesh("Square", material=marble(build))
+    unwrap_square(square)
+    square.select_set(True)
+    bpy.context.view_layer.objects.active = square
+    bpy.context.scene.render.engine = "BLENDER_WORKBENCH"
+
+    def state() -> Any:
+        kinds = ("scenes", "objects", "meshes", "materials", "images", "node_groups", "cameras", "worlds", "lights")
+        return ({kind: [item.name for item in getattr(bpy.data, kind)] for kind in kinds},
+                [item.name for item in bpy.context.selected_objects], bpy.context.view_layer.objects.active.name,
+                bpy.context.scene.render.engine, bpy.context.scene.cycles.samples, square.data.uv_layers.keys(),
+                [node.name for node in square.active_material.node_tree.nodes], square.active_material.users,
+                square.active_material.node_tree.nodes.active, square.mode)
+    before = state()
+    scene = export([])
+    assert len(scene.textures) == 1
+    assert state() == before
+
+
+def test_a_second_export_takes_materials_from_memory(build, monkeypatch):
+    # The same marble twice. Exact answer: one bake; a third one after a change of the noise, with another result.
+    build.sun()
+    item = build.mesh("Square", material=marble(build))
+    evaluate.forget()
+    bakes = []
+    bake = cycles.bake_emission
+    monkeypatch.setattr(cycles, "bake_emission", lambda *given: bakes.append(given) or bake(*given))
+    first, second = export([]), export([])
+    assert len(bakes) == 1
+    assert np.array_equal(first.textures[0].pixels, second.textures[0].pixels)
+    noise = next(node for node in item.active_material.node_tree.nodes if node.bl_idname == "ShaderNodeTexNoise")
+    noise.inputs["Scale"].default_value += 1
+    third = export([])
+    assert len(bakes) == 2
+    assert not np.array_equal(first.textures[0].pixels, third.textures[0].pixels)
+
+
+def test_metal_and_glass_are_told_with_what_diffuse_light_does_not_carry(build):
+    # Metal of colour .6, clear glass, a matt colour. Exact answers: .6 reflected and .6 of it not diffusely; all of
+    # the light of the glass; nothing of the matt one's.
+    build.sun()
+    build.mesh("A", material=build.material("Metal", (0.6, 0.6, 0.6), Metallic=1.0))
+    build.mesh("B", material=build.material("Glass", (1, 1, 1), Transmission_Weight=1.0, Specular_IOR_Level=0.0))
+    build.mesh("C", material=build.material("Matt", (0.3, 0.3, 0.3), Specular_IOR_Level=0.0))
+    rows = {row["name"]: row for row in export_scene(
+        bpy.context.scene, bpy.context.view_layer, Settings(), []).materials}
+    assert rows["Metal"]["diffuse_reflectance"] == pytest.approx([0.6] * 3)
+    assert rows["Metal"]["not_carried"] == pytest.approx(0.6, abs=1e-4)
+    assert rows["Matt"]["not_carried"] == 0
+    assert rows["Glass"]["not_carried"] == pytest.approx(1, abs=1e-4)
+    assert "refracted" in rows["Glass"]["reason"]
 
 
 def test_a_plain_world_is_a_constant_sky(build):

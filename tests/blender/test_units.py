@@ -21,15 +21,10 @@ from radiosity.tests.blender.stage import assert_agree, cycles_irradiance, emiss
 CENTIMETRES = 0.01
 # Lumens that Cycles takes for a watt of an IES file's light: daylight's, D65.
 CYCLES_IES = 177.83
-# An even 1,000 cd into all directions.
-IES = """IESNA:LM-63-2002
-TILT=NONE
-1 -1 1 3 2 1 2 0 0 0 1 1 100
-0 90 180
-0 360
-1000 1000 1000
-1000 1000 1000
-"""
+# An even 1,000 cd into all directions, every 10 degrees; Cycles 4.2 adds some between angles that are far apart.
+IES = "\n".join([
+    "IESNA:LM-63-2002", "TILT=NONE", "1 -1 1 19 37 1 2 0 0 0 1 1 100", " ".join(map(str, range(0, 181, 10))),
+    " ".join(map(str, range(0, 361, 10))), *[" ".join(["1000"] * 19)] * 37, ""])
 
 
 def set_scale(scale: float, system: str = "METRIC") -> Any:
@@ -39,11 +34,12 @@ def set_scale(scale: float, system: str = "METRIC") -> Any:
     return scene
 
 
-@pytest.mark.parametrize("kind", ["POINT", "AREA", "SUN"])
-def test_the_unit_scale_changes_no_light_in_cycles_nor_here(stage, kind):
+@pytest.mark.parametrize(("kind", "settings"), [
+    ("POINT", {"energy": 50}), ("AREA", {"energy": 50, "size": 0.8}), ("SUN", {"energy": 3})])
+def test_the_unit_scale_changes_no_light_in_cycles_nor_here(stage, kind, settings):
     # A lamp over receivers of 1 unit, in a scene whose units are shown as centimetres. Exact answer: Cycles bakes the
     # same with both scales (a unit is a metre for light), and so does the solver.
-    lamp(kind, energy=3 if kind == "SUN" else 50)
+    lamp(kind, **settings)
     set_scale(1.0)
     in_metres = cycles_irradiance()
     set_scale(CENTIMETRES)

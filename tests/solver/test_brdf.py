@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from radiosity.benchmarks.brdf.synthetic import SURFACES, bin_directions, write_merl
 from radiosity.benchmarks.brdf.unnormalised import UnnormalisedPhong
-from radiosity.solver import SceneError, Settings, solve
+from radiosity.solver import SceneError, Settings, brdf_integrals, solve
 from radiosity.solver.brdf import Blinn, Lambert, Phong, mirrored
 from radiosity.solver.brdf_integrals import (
     diffuse_equivalent,
@@ -64,7 +64,7 @@ def test_lambert_reflects_rho_of_any_light():
 @pytest.mark.parametrize("model", [Phong, Blinn])
 @pytest.mark.parametrize("exponent", EXPONENTS)
 def test_a_lobe_reflects_all_light_along_the_normal_and_no_more_of_any_other(model, exponent):
-    # k_s 1, k_d 0: the normalisation makes rho(normal) = 1 exactly; elsewhere the lobe dips below the surface.
+    # k_s 1, k_d 0: the normalisation makes rho(normal) = 1 exactly; for slanted light the cosine takes its part.
     found = directional_reflectance(model(0, 1, exponent), np.append(COSINES, 1.0))[:, 0]
     assert found[-1] == pytest.approx(1, abs=1e-7)
     assert found.max() <= 1 + 1e-7
@@ -97,6 +97,15 @@ def test_the_quadrature_agrees_with_brute_force(brdf):
     # The same integral over 400 x 400 directions without the half vector, at 0, 37, 60 and 80 degrees.
     for cosine in np.cos(np.radians([0, 37, 60, 80])):
         assert np.allclose(directional_reflectance(brdf, [cosine])[0], by_brute_force(brdf, cosine), rtol=2e-5)
+
+
+@pytest.mark.parametrize("brdf", [Phong(0, 1, 30), Phong(0, 1, 1e6), Blinn(0, 1, 1e6)])
+def test_more_nodes_change_nothing(brdf, monkeypatch):
+    # 1.5 times the nodes each way: the reflectance stays to five digits, up to the sharpest lobe allowed.
+    few = hemispherical_reflectance(brdf)[0]
+    for name, count in (("POLAR_NODES", 96), ("AZIMUTHS", 144), ("COSINES", 48)):
+        monkeypatch.setattr(brdf_integrals, name, count)
+    assert few == pytest.approx(hemispherical_reflectance(brdf)[0], rel=1e-5)
 
 
 def test_even_light_is_reflected_as_random_rays_say():

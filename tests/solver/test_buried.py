@@ -56,3 +56,15 @@ def test_a_face_that_leans_hides_nothing():
     scene = (FLOOR + plate).scene()
     assert plate.normal[0, 2] < 0
     assert not _hidden_on_the_floor(scene, -scene.origin[2]).any()
+
+
+def test_faces_back_to_back_hide_nothing():
+    # A floor and the same square facing down in the same place, as the two sides of one plate: above either is open.
+    scene = (FLOOR + quad((-2, -2, 0), (0, 4, 0), (4, 0, 0))).scene()
+    assert not _hidden_on_the_floor(scene).any()
+
+
+def test_rooms_back_to_back_hide_nothing_from_each_other():
+    # Two boxes that face inward share the plane z = 0, which is the floor of the upper one: it is lit from there.
+    scene = (box((-2, -2, 0), (2, 2, 2)) + box((-2, -2, -2), (2, 2, 0))).scene()
+    assert not _hidden_on_the_floor(scene).any()

@@ -6,10 +6,10 @@ from radiosity.solver.area_lamp import Area
 from radiosity.solver.errors import SceneError
 from radiosity.solver.lamps import Point, Sun
 from radiosity.solver.lights import Light
-from radiosity.solver.mesh_emitter import MeshEmitter, group_emitters
-from radiosity.solver.polygon import polygons_form_factor
+from radiosity.solver.mesh_emitter import MeshEmitter
 from radiosity.solver.sampling import kronecker
 from radiosity.solver.spot import Spot
+from radiosity.tests.solver.lit_points import arrays, sampled, scattered, shell
 
 PI = np.pi
 UP, DOWN = (0.0, 0.0, 1.0), (0.0, 0.0, -1.0)
@@ -38,38 +38,10 @@ SPREAD_LAMPS = {
 }
 
 
-def _arrays(points, normals):
-    points, normals = np.broadcast_arrays(np.asarray(points, np.float32), np.asarray(normals, np.float32))
-    return np.atleast_2d(points), np.atleast_2d(normals)
-
-
-def _sampled(light, points, normals, count):
-    """(n, 3): mean of weight * colour over `count` quasi-random points of the lamp."""
-    uv = np.tile(kronecker(count, 2), (len(points), 1))
-    rays = light.sample(np.repeat(points, count, axis=0), np.repeat(normals, count, axis=0), uv)
-    return rays.weight.reshape(len(points), count).mean(axis=1, dtype=np.float64)[:, None] * light.colour
-
-
-def _scattered(count=200):
-    rng = np.random.default_rng(7)
-    normals = rng.normal(size=(count, 3))
-    normals /= np.linalg.norm(normals, axis=1, keepdims=True)
-    points = rng.uniform(-1, 1, (count, 3)) * (1, 1, 0.5)
-    return _arrays(points, normals)
-
-
-def _shell(count=20000, radius=5.0, centre=(0, 0, 2)):
-    """Points and inward normals spread evenly over a sphere (Fibonacci), and its area."""
-    z = 1 - (2 * np.arange(count) + 1) / count
-    angle = np.arange(count) * PI * (3 - np.sqrt(5))
-    outward = np.stack([np.sqrt(1 - z**2) * np.cos(angle), np.sqrt(1 - z**2) * np.sin(angle), z], axis=1)
-    return *_arrays(centre + radius * outward, -outward), 4 * PI * radius**2
-
-
 @pytest.mark.parametrize("light", [*LAMPS.values(), *SPREAD_LAMPS.values()], ids=[*LAMPS, *SPREAD_LAMPS])
 def test_every_lamp_keeps_the_contract(light):
     # float32, unit directions, weights and distances from 0, nothing that is not finite but a sun's distance.
-    points, normals = _scattered()
+    points, normals = scattered()
     rays = light.sample(points, normals, kronecker(len(points), 2))
     assert isinstance(light, Light)
     assert rays.direction.dtype == rays.distance.dtype == rays.weight.dtype == light.colour.dtype == np.float32
@@ -85,11 +57,11 @@ def test_every_lamp_keeps_the_contract(light):
 def test_samples_converge_to_the_closed_form(light):
     # 200 points around the lamp with normals every way, so that many a horizon cuts it: the error of n points falls
     # faster than n^-.7 (random points: n^-.5) and ends within .2 % of the mean.
-    points, normals = _scattered()
+    points, normals = scattered()
     exact = light.irradiance(points, normals)
     assert exact.dtype == np.float32
     counts = np.array([64, 256, 1024, 4096])
-    errors = np.array([np.sqrt(((_sampled(light, points, normals, count) - exact) ** 2).mean()) for count in counts])
+    errors = np.array([np.sqrt(((sampled(light, points, normals, count) - exact) ** 2).mean()) for count in counts])
     errors /= exact.mean()
     assert errors[-1] < 2e-3
     if errors[0] > 1e-4:  # lamps without size are exact with any number of rays
@@ -97,7 +69,7 @@ def test_samples_converge_to_the_closed_form(light):
 
 
 def test_area_lamps_with_a_spread_have_no_closed_form():
-    points, normals = _scattered()
+    points, normals = scattered()
     assert all(light.irradiance(points, normals) is None for light in SPREAD_LAMPS.values())
 
 
@@ -106,23 +78,23 @@ def test_area_lamps_with_a_spread_have_no_closed_form():
 def test_a_disc_lamp_has_the_form_factor_of_a_disc(radius, height, offset, exact):
     # Element facing a parallel disc whose axis is offset; radiance 1 gives E = pi F.
     light = Area("disc", (offset, 0, height), (0, 2 * radius, 0), (2 * radius, 0, 0), PI * PI * radius**2, round=True)
-    points, normals = _arrays([(0, 0, 0)], UP)
+    points, normals = arrays([(0, 0, 0)], UP)
     assert light.irradiance(points, normals) / PI == pytest.approx(exact, rel=3e-5)
-    assert _sampled(light, points, normals, 2**16) / PI == pytest.approx(exact, rel=1e-4)
+    assert sampled(light, points, normals, 2**16) / PI == pytest.approx(exact, rel=1e-4)
 
 
 def test_a_square_lamp_has_the_form_factor_of_a_square():
     # A 1 m square at z = 3 in the middle of a 4 m room, four places on the floor and one on the wall (Lambert).
     light = Area("square", (0, 0, 3), (0, 1, 0), (1, 0, 0), PI)
-    points, normals = _arrays([(0, 0, 0), (1, 0, 0), (1, 1, 0), (1.5, 1.5, 0), (2, 0, 1.5)], [UP] * 4 + [(-1, 0, 0)])
+    points, normals = arrays([(0, 0, 0), (1, 0, 0), (1, 1, 0), (1.5, 1.5, 0), (2, 0, 1.5)], [UP] * 4 + [(-1, 0, 0)])
     exact = [0.03410679489971, 0.02798915630256, 0.02334826258771, 0.01571496642135, 0.02428514065092]
     assert light.irradiance(points, normals)[:, 0] / PI == pytest.approx(exact, rel=2e-6)
-    assert _sampled(light, points, normals, 2**14)[:, 1] / PI == pytest.approx(exact, rel=1e-4)
+    assert sampled(light, points, normals, 2**14)[:, 1] / PI == pytest.approx(exact, rel=1e-4)
 
 
 def test_a_point_lamp_in_a_sphere_lights_its_poles():
     # 100 W at half the radius of a unit sphere: E = 100 / (4 pi d^2) with d = 1/2 and 3/2 at the two poles.
-    points, normals = _arrays([(0, 0, 1), (0, 0, -1)], [DOWN, UP])
+    points, normals = arrays([(0, 0, 1), (0, 0, -1)], [DOWN, UP])
     for light in (Point("lamp", (0, 0, 0.5), 100), Point("ball", (0, 0, 0.5), 100, 0.3, sphere=True)):
         assert light.irradiance(points, normals)[:, 0] == pytest.approx([31.83098861838, 3.536776513153], rel=1e-6)
 
@@ -130,7 +102,7 @@ def test_a_point_lamp_in_a_sphere_lights_its_poles():
 def test_a_sun_at_the_horizon_shows_half_of_its_disc():
     # E = S (alpha - sin alpha cos alpha) / (pi sin^2 alpha) for the half of a disc of half angle alpha above it.
     angles = np.array([0.01, 0.1, 0.5, 1.5, 3.0])
-    points, normals = _arrays([(0, 0, 0)], UP)
+    points, normals = arrays([(0, 0, 0)], UP)
     got = [float(Sun("sun", (1, 0, 0), 1.0, angle).irradiance(points, normals)[0, 0]) for angle in angles]
     half = angles / 2
     assert got == pytest.approx((half - np.sin(half) * np.cos(half)) / (PI * np.sin(half) ** 2), rel=1e-5)
@@ -140,7 +112,7 @@ def test_the_cut_at_the_horizon_sets_in_without_a_jump():
     # Irradiance of a sun of 30 degrees across its set: falls steadily, from the full cosine to nothing.
     height = np.linspace(-0.3, 0.3, 2001)
     suns = [Sun("sun", (np.cos(angle), 0, -np.sin(angle)), 1.0, np.radians(30)) for angle in height]
-    points, normals = _arrays([(0, 0, 0)], UP)
+    points, normals = arrays([(0, 0, 0)], UP)
     irradiance = np.array([float(sun.irradiance(points, normals)[0, 0]) for sun in suns])
     assert (np.diff(irradiance) >= 0).all()
     assert np.diff(irradiance).max() < 4e-4
@@ -153,8 +125,8 @@ def test_far_away_light_falls_off_with_the_squared_distance(name):
     # Straight below at 200 ... 1600 m: slope -2 of log E against log d.
     light = {**LAMPS, **SPREAD_LAMPS}[name]
     distance = np.array([200.0, 400, 800, 1600])
-    points, normals = _arrays(np.stack([0 * distance, 0 * distance, -distance], axis=1), UP)
-    value = _sampled(light, points, normals, 1024)[:, 0]
+    points, normals = arrays(np.stack([0 * distance, 0 * distance, -distance], axis=1), UP)
+    value = sampled(light, points, normals, 1024)[:, 0]
     closed = light.irradiance(points, normals)
     # the lamp hangs 1 to 2 m above zero
     assert np.polyfit(np.log(distance + 1.5), np.log(value), 1)[0] == pytest.approx(-2, abs=0.003)
@@ -167,7 +139,7 @@ def test_all_flux_arrives_on_a_sphere_around_the_lamp(name):
     # Irradiance integrated over a closed sphere of 5 m is the power that left. (A disc that faces each receiver sends
     # r^2 / (r^2 + d^2) less than its power: a near receiver sees it as a disc in front of the lamp's centre.)
     light = LAMPS[name]
-    points, normals, area = _shell()
+    points, normals, area = shell()
     arrived = light.irradiance(points, normals).mean(axis=0, dtype=np.float64) * area
     disc = getattr(light, "radius", 0) and not light.sphere
     assert arrived == pytest.approx(light.power() * (25 / (25 + light.radius**2) if disc else 1), rel=2e-3)
@@ -179,16 +151,16 @@ def test_a_spread_keeps_the_flux(name):
     light = SPREAD_LAMPS[name]
     middle = (np.arange(100) - 49.5) / 10
     floor = np.stack([*np.meshgrid(middle, middle), np.zeros((100, 100))], axis=-1)
-    points, normals = _arrays(floor.reshape(-1, 3), UP)
-    arrived = _sampled(light, points, normals, 256).mean(axis=0) * 100
+    points, normals = arrays(floor.reshape(-1, 3), UP)
+    arrived = sampled(light, points, normals, 256).mean(axis=0) * 100
     assert arrived == pytest.approx(light.power(), rel=5e-3)
 
 
 def test_a_spread_leaves_the_light_outside_of_it_dark():
     # A cone of 60 degrees (half angle 30) below a lamp of 10 cm at 2 m: the floor is dark beyond 2 tan 30 + .08 m.
     light = Area("lamp", (0, 0, 2), (0, 0.1, 0), (0.1, 0, 0), 10, spread=np.radians(60))
-    points, normals = _arrays([(0, 0, 0), (1.0, 0, 0), (1.24, 0, 0), (0, 0, 3)], UP)
-    value = _sampled(light, points, normals, 256)[:, 0]
+    points, normals = arrays([(0, 0, 0), (1.0, 0, 0), (1.24, 0, 0), (0, 0, 3)], UP)
+    value = sampled(light, points, normals, 256)[:, 0]
     assert value[0] > value[1] > 0
     assert value[2] == value[3] == 0
 
@@ -198,7 +170,7 @@ def test_a_scaled_spot_has_an_elliptic_cone():
     light = Spot("spot", (0, 0, 2), 1, spot_size=2 * np.arctan(0.5), frame=np.diag([3, 0.5, 1]))
     edge = np.array([(3, 0), (0, 0.5), (3 / np.sqrt(2), 0.5 / np.sqrt(2))])
     for factor, lit in ((0.99, True), (1.01, False)):
-        points, normals = _arrays(np.column_stack([edge * factor, [0, 0, 0]]), UP)
+        points, normals = arrays(np.column_stack([edge * factor, [0, 0, 0]]), UP)
         assert ((light.irradiance(points, normals)[:, 0] > 0) == lit).all()
 
 
@@ -206,7 +178,7 @@ def test_a_spots_blend_is_a_smooth_step_of_the_cosine():
     # Size 2 acos(.5), blend .5: 0 at cosine .5, a half at .625, full from .75; E = I fade cos / d^2 = I fade cos^3 / 4.
     light = Spot("spot", (0, 0, 2), 4 * PI, direction=DOWN, spot_size=2 * np.arccos(0.5), blend=0.5)
     cosine = np.array([0.45, 0.5625, 0.625, 0.6875, 0.75, 0.9])
-    points, normals = _arrays(np.stack([2 * np.tan(np.arccos(cosine)), 0 * cosine, 0 * cosine], axis=1), UP)
+    points, normals = arrays(np.stack([2 * np.tan(np.arccos(cosine)), 0 * cosine, 0 * cosine], axis=1), UP)
     fade = light.irradiance(points, normals)[:, 0] / (cosine**3 / 4)
     assert fade == pytest.approx([0, 0.15625, 0.5, 0.84375, 1, 1], abs=1e-5)
 
@@ -214,7 +186,7 @@ def test_a_spots_blend_is_a_smooth_step_of_the_cosine():
 def test_inside_a_sphere_lamp_light_comes_from_everywhere():
     # Radiance 100 / (4 pi^2 R^2) all around, so E = pi L for every point and normal inside.
     light = Point("ball", (0, 0, 0), 100, 2.0, sphere=True)
-    points, normals = _scattered()
+    points, normals = scattered()
     exact = PI * 100 / (4 * PI**2 * 4)
     assert light.irradiance(points, normals) == pytest.approx(exact, rel=1e-6)
     rays = light.sample(points, normals, kronecker(len(points), 2))
@@ -224,7 +196,7 @@ def test_inside_a_sphere_lamp_light_comes_from_everywhere():
 
 def test_shadow_rays_end_on_the_lamp():
     # On the sphere's near side, on the disc's plane, within the rectangle.
-    points, normals = _arrays(np.random.default_rng(3).uniform(-1, 1, (500, 3)), UP)
+    points, normals = arrays(np.random.default_rng(3).uniform(-1, 1, (500, 3)), UP)
     uv = kronecker(500, 2)
 
     def ends(light):
@@ -242,20 +214,20 @@ def test_shadow_rays_end_on_the_lamp():
 
 
 def test_an_area_lamp_shines_from_one_side_and_a_mesh_from_both():
-    above, below = _arrays([(0.2, 0.2, 3)], DOWN), _arrays([(0.2, 0.2, 0)], UP)
+    above, below = arrays([(0.2, 0.2, 3)], DOWN), arrays([(0.2, 0.2, 0)], UP)
     assert LAMPS["rectangle"].irradiance(*above).max() == 0
     assert LAMPS["rectangle"].irradiance(*below).min() > 0
     assert LAMPS["mesh"].irradiance(*above).min() > 0
     assert LAMPS["mesh"].irradiance(*below).min() > 0
     assert LAMPS["mesh of one side"].irradiance(*above).max() == 0
-    assert _sampled(LAMPS["mesh of one side"], *above, 64).max() == 0
+    assert sampled(LAMPS["mesh of one side"], *above, 64).max() == 0
 
 
 @pytest.mark.parametrize("light", [*LAMPS.values(), *SPREAD_LAMPS.values()], ids=[*LAMPS, *SPREAD_LAMPS])
 def test_moving_lamp_and_receiver_together_changes_nothing(light):
     # A shift by (8, -4, 2) m, exact in binary, moves float32 positions by whole bits: the irradiance stays to 1e-4.
     offset = np.array([8.0, -4, 2])
-    points, normals = _scattered()
+    points, normals = scattered()
     uv = kronecker(len(points), 2)
     moved = light.translated(offset).sample(points + offset.astype(np.float32), normals, uv)
     weight = light.sample(points, normals, uv).weight
@@ -281,7 +253,7 @@ def test_moving_lamp_and_receiver_together_changes_nothing(light):
 ], ids=lambda light: light.name)
 def test_degenerate_lamps_are_defined(light):
     # A receiver at the origin that faces up, and one turned aside: finite, from 0, and no floating-point warning.
-    points, normals = _arrays([(0, 0, 0), (0, 0, 0)], [UP, (1, 0, 0)])
+    points, normals = arrays([(0, 0, 0), (0, 0, 0)], [UP, (1, 0, 0)])
     with np.errstate(divide="raise", invalid="raise", over="raise"):
         rays = light.sample(points, normals, np.float32([[0.5, 0.5], [0.1, 0.9]]))
         closed = light.irradiance(points, normals)
@@ -309,106 +281,3 @@ def test_degenerate_lamps_are_defined(light):
 def test_a_lamp_that_makes_no_sense_is_refused_by_name(make):
     with pytest.raises(SceneError, match="bulb"):
         make()
-
-
-def _random_triangles(count, seed=5):
-    rng = np.random.default_rng(seed)
-    return rng.uniform(-4, 4, (count, 1, 3)) + rng.normal(0, 0.2, (count, 3, 3)) + (0, 0, 8)
-
-
-def _group_irradiance(groups, points, normals):
-    return sum(group.irradiance(points, normals) for group in groups)
-
-
-@pytest.mark.parametrize("exitance", [
-    np.tile([3.0, 2, 1], (300, 1)), np.linspace(0, 2, 300)[:, None] * [3.0, 2, 1],
-    np.random.default_rng(1).uniform(0, 2, (300, 3)),
-], ids=["one colour", "one chromaticity", "a colour each"])
-def test_groups_of_emitters_give_what_their_triangles_give(exitance):
-    # 300 triangles: the sum over the groups is the sum of all form factors times exitance, channel by channel.
-    corners = _random_triangles(300)
-    groups = group_emitters(corners, exitance, most_triangles=32)
-    points, normals = _arrays(np.random.default_rng(2).uniform(-3, 3, (50, 3)), UP)
-    exact = polygons_form_factor(points, normals, corners, exitance, "both")
-    assert _group_irradiance(groups, points, normals) == pytest.approx(exact, rel=2e-3)
-    area = np.linalg.norm(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), axis=1) / 2
-    assert sum(group.power() for group in groups) == pytest.approx(2 * area @ exitance, rel=1e-5)
-    assert max(len(group.corners) for group in groups) <= 32
-    assert len(groups) <= 48
-
-
-def test_groups_of_emitters_are_close_together():
-    # 1,024 triangles in a cube of 8 m: groups of 64 keep to boxes of about a sixteenth of its volume.
-    corners = _random_triangles(1024)
-    groups = group_emitters(corners, np.ones((1024, 3)), most_triangles=64)
-    volume = [np.prod(np.ptp(group.corners.mean(axis=1), axis=0)) for group in groups]
-    assert len(groups) == 16
-    assert sum(volume) < 1.05 * 8**3
-
-
-def test_dark_triangles_are_no_emitters():
-    exitance = np.zeros((4, 3))
-    assert group_emitters(_random_triangles(4), exitance) == ()
-    exitance[2] = 1
-    assert [len(group.corners) for group in group_emitters(_random_triangles(4), exitance)] == [1]
-
-
-def test_many_triangles_have_no_closed_form_but_samples():
-    # 65 triangles in one lamp: irradiance() is None, and samples agree with the form factors.
-    corners = _random_triangles(65)
-    light = MeshEmitter("many", corners, np.ones((65, 3)))
-    points, normals = _arrays([(0, 0, 0), (2, 1, 0)], UP)
-    assert light.irradiance(points, normals) is None
-    exact = PI * polygons_form_factor(points, normals, corners, sides="both")
-    assert _sampled(light, points, normals, 2**16)[:, 0] == pytest.approx(exact, rel=2e-3)
-
-
-def _cube(centre, side, inverted=False):
-    """Twelve triangles that face outward (or inward)."""
-    quads = np.array([[0, 2, 3, 1], [4, 5, 7, 6], [0, 1, 5, 4], [2, 6, 7, 3], [0, 4, 6, 2], [1, 3, 7, 5]])
-    vertices = centre + side * (np.array([[i & 1, i >> 1 & 1, i >> 2] for i in range(8)]) - 0.5)
-    triangles = vertices[np.concatenate([quads[:, [0, 1, 2]], quads[:, [0, 2, 3]]])]
-    return triangles[:, ::-1] if inverted else triangles
-
-
-@pytest.mark.parametrize("inverted", [False, True])
-def test_only_the_fronts_of_a_closed_emitter_light_what_is_outside(inverted):
-    # A unit cube of radiance 1: beside it, the form factor of the faces that look there; from inside, pi L all around.
-    (light,) = group_emitters(_cube((0, 0, 2), 1.0, inverted), np.full((12, 3), PI))
-    outside, inside = _arrays([(0.2, 0.1, 0), (3, 2, 1)], [UP, (-1, 0, 0)]), _arrays([(0.1, 0.2, 1.9)], UP)
-    exact = PI * polygons_form_factor(*outside, _cube((0, 0, 2), 1.0), sides="front")
-    assert light.irradiance(*outside)[:, 0] == pytest.approx(exact, rel=1e-5)
-    assert _sampled(light, *outside, 2**16)[:, 0] == pytest.approx(exact, rel=2e-3)
-    assert light.irradiance(*inside) == pytest.approx(PI, rel=1e-5)
-    assert light.power() == pytest.approx(2 * 6 * PI)
-
-
-def test_an_open_emitter_lights_with_both_sides():
-    # The same cube without its lid is open: the backs of its walls can be seen from outside, through the hole.
-    (light,) = group_emitters(_cube((0, 0, 2), 1.0)[[0, 2, 3, 4, 5, 6, 8, 9, 10, 11]], np.full((10, 3), PI))
-    assert light.closed_box is None
-    points, normals = _arrays([(0, 0, 4)], DOWN)
-    assert light.irradiance(points, normals).min() > 0
-
-
-def test_a_moved_closed_emitter_keeps_its_box():
-    (light,) = group_emitters(_cube((0, 0, 2), 1.0), np.full((12, 3), PI))
-    points, normals = _arrays([(10.2, 0.1, 0)], UP)
-    exact = PI * polygons_form_factor(points, normals, _cube((10, 0, 2), 1.0), sides="front")
-    assert light.translated(np.array([10.0, 0, 0])).irradiance(points, normals)[:, 0] == pytest.approx(exact, rel=1e-4)
-
-
-def test_a_few_emitters_that_stand_apart_are_lamps_of_their_own():
-    # Four cubes of two colours, 10 m apart: four lamps of twelve triangles, not two of twenty-four.
-    corners = np.concatenate([_cube((10 * i, 0, 2), 1.0) for i in range(4)])
-    exitance = np.repeat([[1.0, 1, 1], [2, 1, 0], [1, 1, 1], [4, 2, 0]], 12, axis=0)
-    groups = group_emitters(corners, exitance)
-    assert sorted(float(group.corners[..., 0].mean().round()) for group in groups) == [0, 10, 20, 30]
-    assert all(len(group.corners) == 12 and np.ptp(group.corners[..., 0]) == 1 for group in groups)
-
-
-def test_ten_thousand_colours_are_grouped_without_a_group_each():
-    # Three channels of 10,000 triangles in groups of up to 64: fewer than 3 * 256.
-    corners = _random_triangles(10_000)
-    groups = group_emitters(corners, np.random.default_rng(0).uniform(0.1, 2, (10_000, 3)))
-    assert len(groups) == 3 * 256

@@ -1,0 +1,81 @@
+"""Findings on meshes: faces that are turned over or lie in one place, edges of many faces, giant plates."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..solver.layout import world_areas
+from ..solver.mesh_faults import find_faults, inward
+from ..solver.scene import Scene
+from .warn import Warnings, warn
+
+Float = NDArray[np.floating[Any]]
+
+# A surface is giant if it is so many times as wide as all others together, and has this part of all area.
+GIANT_EXTENT, GIANT_AREA = 4.0, 0.5
+# Faults of fewer faces than this part of a mesh are not worth a line.
+WORTH = 1e-3
+
+
+def check_meshes(scene: Scene, places: dict[str, Float], warnings: Warnings) -> None:
+    """Tell of all surfaces.
+
+    Parameters
+    ----------
+    scene : as exported.
+    places : (3,) metres, where each lamp and camera is, by name.
+    """
+    faults = find_faults(scene)
+    hollow, around = inward(scene, np.array(list(places.values()), np.float64).reshape(-1, 3))
+    for index, item in enumerate(scene.surfaces):
+        worth = max(1.0, WORTH * item.count)
+        if faults.turned[index] >= worth:
+            warn(warnings, item.name, "flipped", f"{faults.turned[index]} edges have faces that are turned against "
+                 "each other, and only the fronts of faces are baked: recalculate normals (Mesh > Normals > "
+                 "Recalculate Outside)")
+        if hollow[index]:
+            warn(warnings, item.name, "flipped", "is closed, faces inward and has nothing inside: its outside is not "
+                 "baked; flip its normals (Mesh > Normals > Flip) if it is seen from outside")
+        inside = [name for name, owner in zip(places, around, strict=True) if owner == index]
+        if inside:
+            warn(warnings, item.name, "flipped", f"faces outward, but {', '.join(map(repr, inside[:3]))} "
+                 f"{'is' if len(inside) == 1 else 'are'} inside: its inside is not baked; flip its normals (Mesh > "
+                 "Normals > Flip), or give it walls with a thickness (Solidify)")
+        if faults.crowded[index] >= worth:
+            warn(warnings, item.name, "non_manifold", f"{faults.crowded[index]} edges belong to more than two faces, "
+                 "where inside and outside are not clear: select them (Select > All by Trait > Non Manifold) and "
+                 "remove the faces that are too many")
+        if faults.doubled[index] >= worth:
+            other = scene.surfaces[faults.partner[index]].name
+            where = "of its own" if other == item.name else f"of {other!r}"
+            warn(warnings, item.name, "overlapping", f"on {faults.doubled[index]} of its {item.count} triangles lies "
+                 f"another, mostly {where}, that faces the same way: which one a render shows is chance; delete one of "
+                 "them (Mesh > Merge > By Distance) or move them apart")
+    _giants(scene, warnings)
+
+
+def _giants(scene: Scene, warnings: Warnings) -> None:
+    """Plates that dwarf all else: they take the lumels of what matters."""
+    areas = world_areas(scene)
+    whole = [(item, float(areas[item.triangles].sum())) for item in scene.surfaces if item.count and item.receives]
+    if len(whole) < 2:
+        return
+    boxes = [_box(scene, item) for item, _ in whole]
+    total = sum(area for _, area in whole)
+    for number, (item, area) in enumerate(whole):
+        others = np.array(boxes[:number] + boxes[number + 1:])
+        extent = float(np.ptp(boxes[number], axis=0).max())
+        rest = float((others[:, 1].max(axis=0) - others[:, 0].min(axis=0)).max())
+        part = area * item.density**2 / max(total, 1e-300)
+        if extent > GIANT_EXTENT * rest and part > GIANT_AREA:
+            warn(warnings, item.name, "giant", f"is {extent:.4g} m wide, {extent / max(rest, 1e-9):.0f} times all "
+                 f"else, and takes {part:.0%} of the lumels: exclude it, lower its density factor (object properties > "
+                 "Radiosity Lightmaps), or cut off what nobody sees")
+
+
+def _box(scene: Scene, item: Any) -> Float:
+    corners = scene.vertices[scene.triangles[item.triangles]]
+    return np.stack([corners.min(axis=(0, 1)), corners.max(axis=(0, 1))])

@@ -1,0 +1,171 @@
+"""A comparison from start to end: our bake, Cycles' bakes of the same lumels, the error between them, and its pictures.
+
+    export      the scene as for a bake; lamps, world and camera into a file of their own      compare_twin.py
+    bake        ours, in a thread                                                             solver/bake.py
+    Cycles      twice, with different seeds, in another Blender                               compare_process.py
+    score       error, its noise taken out; time                                              compare_score.py
+    write       images, numbers, one page to look at                                          compare_write.py
+
+Nothing of the open file changes: the diffuse twin that Cycles bakes is built elsewhere.
+"""
+
+from __future__ import annotations
+
+import json
+import tempfile
+import threading
+import time
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import bpy
+import numpy as np
+
+from ..solver.errors import NothingToBake
+from . import compare_score, compare_write, compat, cycles
+from .compare_child import BAKED_VIEW, CYCLES_VIEW, LIGHTMAPS, REFERENCES
+from .compare_process import run_job
+from .compare_request import CompareRequest
+from .compare_twin import Stage, write_geometry, write_stage
+from .job import ERROR_NOT_REACHED, Job
+from .progress import STAGE_WEIGHTS
+from .report import reached
+from .warn import warn
+
+# Cycles' references have seeds that no bake of ours has.
+SEED = 0x5EED
+# Samples of each of Cycles' bakes below which they lean to the texels' centres.
+SHORT_BAKE = 64
+
+
+@dataclass(frozen=True)
+class Compared:
+    """What came of it: the report, the files by what they show, and the exit code."""
+
+    report: dict[str, Any]
+    files: dict[str, Path]
+    exit_code: int
+
+
+class Comparison(Job):
+    """A job (see there) that compares instead of writing back."""
+
+    # The last one that was done, for the panel.
+    last: Compared | None = None
+
+    def __init__(self, request: CompareRequest, scene: Any, view_layer: Any) -> None:
+        super().__init__(request.bake, scene, view_layer)
+        self.asked = request
+        self.progress.weights = {**STAGE_WEIGHTS, "Cycles": 100.0, "camera view": 20.0 * request.camera}
+        self._folder = tempfile.TemporaryDirectory(prefix="radiosity-compare-")
+        self._stage: Stage | None = None
+        self._compared: Compared | None = None
+
+    def export(self) -> None:
+        """Read the scene for both programs. Raises RadiosityError."""
+        super().export()
+        scene, layer = self._place()
+        self._stage = cycles.with_render_depsgraph(
+            scene, layer, lambda depsgraph: write_stage(scene, depsgraph, Path(self._folder.name)))
+        self._blend, self._blender = bpy.data.filepath or scene.name, compat.version()
+
+    def finish(self) -> Compared:  # type: ignore[override]
+        """What came of it. Raises what the worker raised, or RadiosityError."""
+        self.wait(threading.TIMEOUT_MAX)
+        if self._failure is not None:
+            raise self._failure
+        assert self._compared is not None
+        Comparison.last = self._compared
+        return self._compared
+
+    def close(self) -> None:
+        """End all that runs and take the twin's files away."""
+        super().close()
+        self._folder.cleanup()
+
+    def _work(self) -> None:
+        super()._work()
+        if self._failure is not None:
+            return
+        try:
+            self._compared = self._compare()
+        except BaseException as error:  # noqa: BLE001 - it is raised again in Blender's thread, by finish()
+            self._failure = error
+
+    def _compare(self) -> Compared:
+        assert self._exported is not None
+        assert self._bake is not None
+        bake, folder = self._bake, Path(self._folder.name)
+        scene, seconds = self._exported.scene, time.perf_counter() - self._started
+        self._add_solver_warnings()
+        self.progress("Cycles", 0.0)
+        job = self._job(write_geometry(scene, bake, folder))
+        run_job(job, folder, self._cycles_told, self._cancel.is_set)
+        with np.load(folder / REFERENCES) as archive:
+            about = json.loads(str(archive["about"]))
+            halves = [[archive[f"{half}/{page}"] for page in range(len(bake.lightmaps))] for half in range(2)]
+        maps = compare_score.make_maps(scene, bake, halves)
+        try:
+            numbers = compare_score.numbers(maps, [surface.name for surface in scene.surfaces], seconds, about)
+        except ValueError as cause:
+            raise NothingToBake(f"nothing can be compared ({cause}): see that light falls on what is baked") from cause
+        self._tell_limits(numbers)
+        views = self._views(job, folder) if self.asked.camera else {}
+        report = self._report(numbers)
+        files = compare_write.write(maps, report, views, self.asked)
+        self.progress("write", 1.0)
+        wanted_missed = report["comparison"]["ours"]["rms_low"] > self.request.settings.error
+        return Compared(report, files, ERROR_NOT_REACHED if wanted_missed else 0)
+
+    def _job(self, pages: list[list[int]]) -> dict[str, Any]:
+        assert self._stage is not None
+        settings = self.request.settings
+        if self.asked.camera and self._stage.camera is None:
+            warn(self.warnings, "", "no_camera", "the scene has no camera, so there is no view of it: add one")
+        return {"do": "bake", "stage": self._stage.as_dict(), "pages": pages, "passes": settings.passes,
+                "samples": self.asked.samples, "seconds": self.asked.seconds, "seed": SEED, "threads": settings.threads,
+                "camera": self.asked.camera and self._stage.camera is not None}
+
+    def _cycles_told(self, stage: str, fraction: float) -> None:
+        if stage == "camera view":
+            self.progress("camera view", fraction)
+        elif stage.startswith("bake"):
+            half = int(stage.split()[1]) - 1
+            self.progress("Cycles", 0.05 + 0.95 * (half + fraction) / 2)
+
+    def _views(self, job: dict[str, Any], folder: Path) -> dict[str, Any]:
+        """The camera's view in both programs, (h, w, 3) each; empty without a camera."""
+        if not job["camera"]:
+            return {}
+        assert self._bake is not None
+        np.savez(folder / LIGHTMAPS, **{str(page): item.pixels for page, item in enumerate(self._bake.lightmaps)})
+        run_job({**job, "do": "camera"}, folder, self._cycles_told, self._cancel.is_set)
+        return {name: np.load(folder / file)
+                for name, file in (("ours", BAKED_VIEW), ("Cycles", CYCLES_VIEW))}
+
+    def _tell_limits(self, numbers: dict[str, Any]) -> None:
+        samples = numbers["cycles"]["samples"] // 2
+        if samples < SHORT_BAKE:
+            warn(self.warnings, "", "short_bakes", f"Cycles' two bakes have {samples} samples each, of which the first "
+                 "is always a texel's centre: give it more time (--seconds, --samples)")
+        if not numbers["clean"]:
+            warn(self.warnings, "", "noisy_references", f"Cycles' two bakes have {numbers['cycles']['half_rms']:.2%} "
+                 f"noise each, more than three times our error of {numbers['ours']['rms']:.2%}, which is less sure for "
+                 "it: give it more time (--seconds, --samples)")
+        if self.request.settings.footprint != 0.5:
+            warn(self.warnings, "", "footprint", f"footprint is {self.request.settings.footprint:g}, and Cycles' is "
+                 "0.5: the difference counts as error")
+
+    def _report(self, numbers: dict[str, Any]) -> dict[str, Any]:
+        assert self._bake is not None
+        ours = self._bake.report
+        return {
+            "version": ours["version"], "scene": self._blend, "blender": self._blender,
+            "settings": self.request.settings.as_dict(),
+            "budget": {"seconds": self.asked.seconds, "samples": self.asked.samples},
+            "comparison": numbers,
+            "audit": {**ours["error"], "reached": reached(ours)},
+            "lumels": ours["lumels"], "triangles": ours["triangles"], "stages": ours["stages"],
+            "warnings": self.warnings,
+        }

@@ -1,0 +1,87 @@
+"""Nodes whose value is the same everywhere, or is here replaced by a mean: what diffuse light sees of them.
+
+Two kinds of nodes depend on the ray and not on the surface. `Light Path` counts as for a diffuse ray, the only kind
+there is here. `Fresnel` and `Layer Weight` count by their mean over the hemisphere, each direction weighted by its
+cosine, as light from everywhere would meet the surface.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+Float = NDArray[np.floating[Any]]
+Triple = tuple[float, float, float]
+Resolve = Callable[[Any], Any]
+
+# What a Light Path node says of a diffuse ray after its first bounce; all other outputs are 0.
+DIFFUSE_RAY = {"Is Diffuse Ray": 1.0, "Is Reflection Ray": 1.0, "Ray Length": 1.0, "Ray Depth": 1.0,
+               "Diffuse Depth": 1.0}
+VIEW_DEPENDENT = frozenset({"ShaderNodeFresnel", "ShaderNodeLayerWeight"})
+# Directions of the quadrature over the hemisphere: the means are then exact to six digits.
+DIRECTIONS = 4096
+# Layer Weight's blend is held below this, as in Cycles, where the Fresnel term would divide by zero.
+MOST_BLEND = 1 - 1e-5
+
+
+def of(source: Any, resolve: Resolve) -> Triple | None:
+    """The value of an output socket that is known without evaluating nodes, else None.
+
+    Parameters
+    ----------
+    source : output socket, or the unlinked input of a group node.
+    resolve : from an input socket to the output that feeds it, or None.
+    """
+    kind = source.node.bl_idname
+    if not source.is_output or kind in {"ShaderNodeRGB", "ShaderNodeValue"}:
+        return _triple(source.default_value)
+    if kind == "ShaderNodeLightPath":
+        return _triple(DIFFUSE_RAY.get(source.name, 0.0))
+    if kind in VIEW_DEPENDENT:
+        return _view_dependent(source, resolve)
+    return None
+
+
+def _view_dependent(source: Any, resolve: Resolve) -> Triple | None:
+    socket = source.node.inputs[0]
+    feeding = resolve(socket)
+    value = (socket.default_value,) * 3 if feeding is None else of(feeding, resolve)
+    return None if value is None else _triple(mean_weight(source.node.bl_idname, source.name, float(value[0])))
+
+
+def mean_weight(kind: str, output: str, value: float) -> float:
+    """Mean over the hemisphere of a Fresnel (IOR) or Layer Weight (blend) node's output."""
+    if kind == "ShaderNodeFresnel":
+        return mean_fresnel(value)
+    blend = min(max(value, 0.0), MOST_BLEND)
+    if output == "Fresnel":
+        return mean_fresnel(1 / (1 - blend))
+    cosine = _cosines()
+    if blend != 0.5:
+        cosine = cosine ** (2 * blend if blend < 0.5 else 0.5 / (1 - blend))
+    return float(1 - cosine.mean())
+
+
+def mean_fresnel(ior: float) -> float:
+    """Part of diffuse light that a smooth dielectric surface reflects (Fresnel 1823, unpolarised; cosine-weighted)."""
+    ior = max(ior, 1e-5)
+    cosine = _cosines()
+    inside = 1 - (1 - cosine**2) / ior**2
+    bent = np.sqrt(np.maximum(inside, 0))
+    across = (cosine - ior * bent) / (cosine + ior * bent)
+    along = (ior * cosine - bent) / (ior * cosine + bent)
+    return float(np.where(inside > 0, (across**2 + along**2) / 2, 1.0).mean())
+
+
+def _cosines() -> Float:
+    """Cosines of directions that are equally likely under diffuse light: their squares are spread evenly."""
+    return np.asarray(np.sqrt((np.arange(DIRECTIONS) + 0.5) / DIRECTIONS))
+
+
+def _triple(value: Any) -> Triple:
+    if hasattr(value, "__len__"):
+        return float(value[0]), float(value[1]), float(value[2])
+    return float(value), float(value), float(value)

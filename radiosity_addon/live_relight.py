@@ -1,0 +1,96 @@
+"""Live relight: while it is switched on, lamps that were changed update the baked images a moment later."""
+
+from __future__ import annotations
+
+from argparse import Namespace
+from typing import Any
+
+import bpy
+
+from ..solver.errors import RadiosityError
+from .digest import digest
+from .job import Job
+from .knobs import knobs_of
+from .relight import relight
+from .relight_request import kept_in, relight_request
+
+# Seconds without a change until the images are updated: a slider that is being dragged does not wait for them.
+PAUSE = 0.3
+# What of a lamp says how strong it is; what this Blender lacks is left out.
+STRENGTH = ("energy", "color", "exposure", "use_temperature", "temperature", "normalize")
+LIGHTS = (bpy.types.Light, bpy.types.World, bpy.types.Material, bpy.types.NodeTree)
+
+# By the scene's name: the lights when its images were last updated, and what stood in the way of that.
+_known: dict[str, str] = {}
+_problems: dict[str, str] = {}
+
+
+def problem(scene: Any) -> str:
+    """Why the scene's images could not be updated; "" if they were."""
+    return _problems.get(scene.name, "") if scene.radiosity.live_relight else ""
+
+
+def switched(settings: Any, _context: Any) -> None:
+    """The switch was turned: what is there now is where changes start from."""
+    scene = settings.id_data
+    _problems.pop(scene.name, None)
+    if settings.live_relight:
+        _known[scene.name] = lights_of(scene)
+
+
+def attach() -> None:
+    """Listen to changes."""
+    bpy.app.handlers.depsgraph_update_post.append(_changed)
+
+
+def detach() -> None:
+    """Listen no longer."""
+    if _changed in bpy.app.handlers.depsgraph_update_post:
+        bpy.app.handlers.depsgraph_update_post.remove(_changed)
+    if bpy.app.timers.is_registered(update):
+        bpy.app.timers.unregister(update)
+    _known.clear()
+    _problems.clear()
+
+
+def lights_of(scene: Any) -> str:
+    """A sum of the strengths of all lights: quick, and the same again when images are updated."""
+    lamps = [(item.name, item.hide_render, [_plain(getattr(item.data, name, None)) for name in STRENGTH],
+              knobs_of(item.data)) for item in scene.objects if item.type == "LIGHT"]
+    hidden = [collection.name for collection in bpy.data.collections if collection.hide_render]
+    materials = {material.name_full: knobs_of(material) for material in bpy.data.materials}
+    return digest(lamps, hidden, materials, knobs_of(scene.world))
+
+
+def update() -> None:
+    """Update the images of all scenes that want it and whose lights have changed."""
+    for scene in bpy.data.scenes:
+        if not scene.radiosity.live_relight or Job.current is not None:
+            continue
+        now = lights_of(scene)
+        if _known.get(scene.name) == now:
+            continue
+        _known[scene.name] = now
+        _problems.pop(scene.name, None)
+        if kept_in(scene) is None:
+            _problems[scene.name] = "no light groups are kept: bake with groups"
+            continue
+        try:
+            relight(relight_request(scene, Namespace()), scene, scene.view_layers[0], [])
+        except RadiosityError as error:
+            _problems[scene.name] = str(error)
+
+
+@bpy.app.handlers.persistent
+def _changed(scene: Any, depsgraph: Any) -> None:
+    if not scene.radiosity.live_relight or bpy.app.background:
+        return
+    if any(isinstance(item.id, LIGHTS) or (isinstance(item.id, bpy.types.Object) and item.id.type == "LIGHT")
+           for item in depsgraph.updates):
+        if bpy.app.timers.is_registered(update):
+            bpy.app.timers.unregister(update)
+        bpy.app.timers.register(update, first_interval=PAUSE)
+
+
+def _plain(value: Any) -> Any:
+    return tuple(value) if hasattr(value, "__len__") else value

@@ -1,0 +1,138 @@
+"""Some triangles of an evaluated mesh with all that shader nodes may ask of them: as arrays, and as a mesh again.
+
+The arrays outlive the dependency graph; the mesh made of them is a temporary one, of triangles only, so that each of
+them can have its own place in a UV map.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import bpy
+import numpy as np
+from numpy.typing import NDArray
+
+from .mesh_arrays import MeshArrays, read
+from .mesh_layers import MOST_UV_MAPS
+
+Float = NDArray[np.floating[Any]]
+Int = NDArray[np.integer[Any]]
+
+# Kinds of attributes: the property that holds a value, its dtype and width.
+KINDS: dict[str, tuple[str, type, int]] = {
+    "FLOAT": ("value", np.float32, 1), "INT": ("value", np.int32, 1), "INT8": ("value", np.int32, 1),
+    "BOOLEAN": ("value", np.bool_, 1), "FLOAT_VECTOR": ("vector", np.float32, 3), "FLOAT2": ("vector", np.float32, 2),
+    "FLOAT_COLOR": ("color", np.float32, 4), "BYTE_COLOR": ("color", np.float32, 4),
+}
+# What a mesh of triangles has by itself.
+BUILT_IN = frozenset({"position", "material_index", "sharp_face", "sharp_edge", "custom_normal"})
+# UV map that a temporary mesh is baked over.
+BAKE_UV = "radiosity bake"
+
+
+@dataclass(frozen=True, eq=False)
+class MeshPart:
+    """Triangles of a mesh.
+
+    Attributes
+    ----------
+    positions, undeformed : (v, 3) float32; the latter are where "Generated" coordinates come from.
+    triangles : (t, 3) int32 vertices.
+    corner_normals : (t, 3, 3) float32 or None.
+    attributes : name, kind, domain (POINT, CORNER or FACE) and values of every attribute.
+    active_uv, active_colour : names of the layers that nodes without a name mean; "" for none.
+    texture_space : location and size that make generated coordinates, (2, 3) float32.
+    """
+
+    positions: Float
+    undeformed: Float
+    triangles: Int
+    corner_normals: Float | None
+    attributes: tuple[tuple[str, str, str, NDArray[Any]], ...]
+    active_uv: str
+    active_colour: str
+    texture_space: Float
+
+    def arrays(self) -> list[NDArray[Any]]:
+        """All that the values of nodes can depend on."""
+        normals = [] if self.corner_normals is None else [self.corner_normals]
+        return [self.positions, self.undeformed, self.triangles, *normals, self.texture_space,
+                *(values for _, _, _, values in self.attributes)]
+
+    def names(self) -> str:
+        """Names of layers and attributes, and which are active."""
+        told = [f"{name}:{kind}:{domain}" for name, kind, domain, _ in self.attributes]
+        return "|".join([*told, self.active_uv, self.active_colour])
+
+    def uv(self, name: str) -> Float | None:
+        """(t, 3, 2) coordinates of a UV map, "" for the active one; None if it is not there."""
+        return next((values for other, kind, domain, values in self.attributes
+                     if other == (name or self.active_uv) and kind == "FLOAT2" and domain == "CORNER"), None)
+
+
+def take_part(mesh: Any, arrays: MeshArrays) -> MeshPart:
+    """The triangles in `arrays` with all attributes of the mesh that they come from."""
+    attributes = []
+    for attribute in mesh.attributes:
+        if attribute.name.startswith(".") or attribute.name in BUILT_IN or attribute.data_type not in KINDS:
+            continue
+        index = {"POINT": None, "CORNER": arrays.corner_ids, "FACE": arrays.face}.get(attribute.domain, False)
+        if index is not False:
+            values = read(attribute.data, *KINDS[attribute.data_type])
+            attributes.append((attribute.name, attribute.data_type, attribute.domain,
+                               values if index is None else values[index]))
+    active_uv = next((layer.name for layer in mesh.uv_layers if layer.active_render), "")
+    colours = mesh.color_attributes
+    colour = colours[colours.render_color_index].name if 0 <= colours.render_color_index < len(colours) else ""
+    space = np.array([mesh.texspace_location[:], mesh.texspace_size[:]], np.float32)
+    return MeshPart(read(mesh.vertices, "co", np.float32, 3), read(mesh.vertices, "undeformed_co", np.float32, 3),
+                    arrays.triangles, arrays.corner_normals, tuple(attributes), active_uv, colour, space)
+
+
+def make_mesh(part: MeshPart, bake_uv: Float) -> list[Any]:
+    """Temporary meshes: the part with a UV map to bake over, and what it needs; the caller removes them all.
+
+    Parameters
+    ----------
+    bake_uv : (t, 3, 2) coordinates of the map `BAKE_UV`.
+    """
+    mesh = _triangles("radiosity bake", part.positions, part.triangles)
+    made = [mesh]
+    kept = [entry for entry in part.attributes if entry[1] == "FLOAT2" and entry[2] == "CORNER"]
+    # Blender takes eight UV maps: one that nodes hardly ask for makes room.
+    spare = {entry[0] for entry in kept if entry[0] != part.active_uv}
+    dropped = sorted(spare)[-1:] if len(kept) >= MOST_UV_MAPS else []
+    for name, kind, domain, values in part.attributes:
+        if name not in dropped:
+            layer = mesh.attributes.new(name, kind, domain)
+            layer.data.foreach_set(KINDS[kind][0], np.ascontiguousarray(values).ravel())
+    # Made last and found by name: adding a layer moves the others in memory.
+    mesh.attributes.new(BAKE_UV, "FLOAT2", "CORNER").data.foreach_set("vector", bake_uv.ravel())
+    if part.active_uv:
+        mesh.uv_layers[part.active_uv].active_render = True
+    if part.active_colour:
+        mesh.color_attributes.render_color_index = mesh.color_attributes.find(part.active_colour)
+    if part.corner_normals is not None:
+        mesh.polygons.foreach_set("use_smooth", np.ones(len(part.triangles), bool))
+        mesh.normals_split_custom_set(part.corner_normals.reshape(-1, 3))
+    if not np.array_equal(part.undeformed, part.positions):
+        mesh.texture_mesh = _triangles("radiosity undeformed", part.undeformed, part.triangles)
+        made.append(mesh.texture_mesh)
+    for one in made:
+        one.use_auto_texspace = False
+        one.texspace_location, one.texspace_size = part.texture_space
+    return made
+
+
+def _triangles(name: str, positions: Float, triangles: Int) -> Any:
+    mesh = bpy.data.meshes.new(name)
+    mesh.vertices.add(len(positions))
+    mesh.vertices.foreach_set("co", np.ascontiguousarray(positions, np.float32).ravel())
+    mesh.loops.add(triangles.size)
+    mesh.loops.foreach_set("vertex_index", np.ascontiguousarray(triangles, np.int32).ravel())
+    mesh.polygons.add(len(triangles))
+    mesh.polygons.foreach_set("loop_start", np.arange(0, triangles.size, 3, dtype=np.int32))
+    mesh.polygons.foreach_set("use_smooth", np.zeros(len(triangles), bool))
+    mesh.update(calc_edges=True)
+    return mesh

@@ -1,0 +1,229 @@
+"""Materials on triangles: reflectance, emission, opacity and textures, as columns of the solver's scene.
+
+What can be read from the nodes is put down at once; what Cycles has to evaluate is noted, and put in its place by
+`evaluate` after the dependency graph is gone, as Cycles can't bake while we are a render ourselves.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..solver.errors import RadiosityError
+from ..solver.scene import Texture
+from . import evaluate, node_hash
+from .evaluate import Evaluated, Request
+from .images import read_texture
+from .materials import FAINT, HIGHEST, Shading, read_material, settled, tell_passing
+from .mesh_arrays import MeshArrays, read_uv
+from .mesh_part import take_part
+from .sockets import Colour, ImageUse
+from .triangle_cells import Cells
+from .visible import Shown
+from .warn import Warnings, warn
+
+Float = NDArray[np.floating[Any]]
+Int = NDArray[np.int32]
+Columns = dict[str, NDArray[Any]]
+
+# Nodes that look at what is around a point.
+AROUND = frozenset({"ShaderNodeAmbientOcclusion", "ShaderNodeBevel"})
+# Single precision, twice divided: a reflectance that is above 1 by less is 1.
+ROUNDING = 1e-5
+TEXTURES = ("reflectance_texture", "emission_texture", "opacity_texture")
+
+
+@dataclass(frozen=True)
+class Slot:
+    """A material of an object: its place among the scene's materials, its shading, the (evaluated) bpy material."""
+
+    number: int
+    shading: Shading
+    material: Any
+
+
+@dataclass(frozen=True, eq=False)
+class _Place:
+    """Rows of some columns, with the names of their object and material, and the material's shading."""
+
+    columns: Columns
+    rows: NDArray[np.intp]
+    object: str
+    material: str
+    shading: Shading
+
+
+class SurfaceMaterials:
+    """Collects the materials of all surfaces, and the textures that they use."""
+
+    def __init__(self, warnings: Warnings) -> None:
+        self.warnings = warnings
+        self.names: list[str] = []
+        self.textures: list[Texture] = []
+        self.rows: dict[str, dict[str, Any]] = {}
+        self._slots: dict[str, Slot] = {}
+        self._read: dict[tuple[str, bool], int] = {}
+        self._pending: list[tuple[_Place, Request, list[int]]] = []
+
+    def slot(self, material: Any) -> Slot:
+        """A material as a slot; None is an empty one."""
+        name = material.name_full if material is not None else ""
+        if name not in self._slots:
+            shading = read_material(material, self.warnings)
+            if not shading.guessed_parts:
+                shading = settled(shading, name, self.warnings)
+            self._slots[name] = Slot(len(self.names), shading, material)
+            self.names.append(name or "(no material)")
+            if shading.passes_light:
+                self._note(self.names[-1], shading, np.zeros(3), shading.lost, shading.passing)
+        return self._slots[name]
+
+    def columns(self, item: Shown, mesh: MeshArrays, index: Int, slots: list[Slot], order: list[int]) -> Columns:
+        """Columns for the triangles of a mesh, whose materials are `slots[index]`; corners in the given order."""
+        count = len(index)
+        columns: Columns = {
+            "reflectance": np.zeros((count, 3), np.float32), "emission": np.zeros((count, 3), np.float32),
+            "opacity": np.ones(count, np.float32), "uv": np.zeros((count, 3, 2), np.float32),
+            "material": np.array([slot.number for slot in slots], np.int32)[index],
+            **{name: np.full(count, -1, np.int32) for name in TEXTURES}}
+        for number, slot in enumerate(slots):
+            rows = np.flatnonzero(index == number)
+            if len(rows):
+                place = _Place(columns, rows, item.name, self.names[slot.number], slot.shading)
+                self._put_slot(place, item, mesh.take(rows), slot, order)
+        return columns
+
+    def _put_slot(self, place: _Place, item: Shown, mesh: MeshArrays, slot: Slot, order: list[int]) -> None:
+        shading = slot.shading
+        if shading.guessed_parts:
+            # What stands here if Cycles can't evaluate it: the guess, with texture coordinates for its images.
+            self._lay_out(place, item, mesh, order)
+            request = evaluate.request(item, slot.material, take_part(item.mesh, mesh), shading)
+            self._pending.append((place, request, order))
+            if node_hash.uses(slot.material.node_tree, AROUND):
+                warn(self.warnings, place.material, "material", "has Ambient Occlusion or Bevel nodes, which see "
+                     "nothing here but the faces of this material on one object: bake them to an image first")
+        else:
+            self._lay_out(place, item, mesh, order)
+            self._put(place)
+
+    def evaluate(self, frame: int) -> None:
+        """Let Cycles evaluate what waits for it, and put it in its place."""
+        if not self._pending:
+            return
+        try:
+            results = evaluate.evaluate([request for _, request, _ in self._pending], frame)
+        except RadiosityError as cause:
+            for place, _, _ in self._pending:
+                warn(self.warnings, place.material, "material", f"could not be evaluated by Cycles on object "
+                     f"{place.object!r} ({cause}): plain values are used instead, as told")
+                self._put(replace(place, shading=settled(place.shading, place.material, self.warnings)))
+            return
+        for (place, _, order), result in zip(self._pending, results, strict=True):
+            self._put_evaluated(place, result, order)
+
+    def _put(self, place: _Place) -> None:
+        """Put down a shading that is settled."""
+        shading, columns, rows = place.shading, place.columns, place.rows
+        columns["reflectance"][rows] = shading.reflectance.factor
+        columns["emission"][rows] = shading.emission.factor
+        columns["opacity"][rows] = shading.opacity
+        mean = np.asarray(shading.reflectance.factor)
+        for name, colour in (("reflectance", shading.reflectance), ("emission", shading.emission)):
+            if colour.image is not None:
+                number = self._image_texture(colour, name == "reflectance", place.material)
+                columns[f"{name}_texture"][rows] = number
+                if name == "reflectance":
+                    mean = mean * self.textures[number].pixels.mean(axis=(0, 1))
+        self._note(place.material, shading, mean, shading.lost, shading.passing)
+
+    def _put_evaluated(self, place: _Place, result: Evaluated, order: list[int]) -> None:
+        """Put down what Cycles made of a material."""
+        shading, parts, inside = place.shading, result.parts, result.cells.inside()
+        lost = float(_mean(parts["lost"], inside).mean()) if "lost" in parts else shading.lost
+        if set(parts) <= {"lost"}:
+            self._put(replace(place, shading=replace(
+                settled(replace(shading, guesses=()), place.material, self.warnings), lost=lost)))
+            return
+        reflected = parts.get("reflectance", np.array(shading.reflectance.factor, np.float32))
+        emission = parts.get("emission", np.array(shading.emission.factor, np.float32))
+        passing = np.clip(parts.get("passing", np.full(3, shading.passing, np.float32)), 0, 1)
+        passing = np.where((emission > 0).any(axis=-1, keepdims=True), 0, passing)
+        solid = 1 - passing
+        reflectance = np.where(solid > FAINT, reflected / np.maximum(solid, FAINT), 0)
+        if reflectance.max() >= 1 + ROUNDING:
+            warn(self.warnings, place.material, "reflectance", f"its nodes reflect up to {reflectance.max():g} of the "
+                 f"light: they are held to {HIGHEST}, choose a darker colour")
+        passes = float(_mean(passing, inside).mean())
+        tell_passing(replace(shading, passing=passes), place.material, self.warnings)
+        place.columns["uv"][place.rows] = result.cells.uv()[:, order]
+        self._part(place, "reflectance", np.clip(reflectance, 0, HIGHEST), result.cells)
+        self._part(place, "emission", emission, result.cells)
+        self._part(place, "opacity", np.where(solid < 1 - FAINT, solid, 1), result.cells)
+        mean = _mean(np.clip(reflected, 0, 1), inside) / max(1 - passes, FAINT)
+        self._note(place.material, shading, mean, lost, passes)
+
+    def _part(self, place: _Place, name: str, values: Float, cells: Cells) -> None:
+        """One colour (3,) or a texture (h, w, 3) into its column."""
+        column = place.columns[name]
+        if values.ndim == 1:
+            column[place.rows] = values if column.ndim == 2 else values[0]
+        else:
+            column[place.rows] = 1
+            place.columns[f"{name}_texture"][place.rows] = len(self.textures)
+            pixels = np.array(np.maximum(values, 0), np.float32)
+            cells.fill_rims(pixels)
+            self.textures.append(Texture(pixels, f"{place.material} on {place.object}"))
+
+    def _note(self, name: str, shading: Shading, reflectance: Float, lost: float, passing: float) -> None:
+        """The material's row in the report; of one that many objects show, the first object's counts."""
+        if name not in self.rows:
+            self.rows[name] = {
+                "name": name, "diffuse_reflectance": [round(float(value), 6) for value in reflectance],
+                "passes": round(passing, 6), "not_carried": round(lost, 6), "reason": "; ".join(shading.reasons)}
+
+    def _image_texture(self, colour: Colour, reflects: bool, material: str) -> int:
+        """Index of an image among the scene's textures."""
+        assert colour.image is not None
+        key = (colour.image.image.name_full, reflects)
+        if key not in self._read:
+            texture = read_texture(colour.image.image, material, self.warnings)
+            if reflects and texture.pixels.max() >= 1:
+                if texture.pixels.max() > 1:
+                    warn(self.warnings, material, "reflectance", f"its image {texture.name!r} has values up to "
+                         f"{texture.pixels.max():g}: they are held to {HIGHEST}, choose a darker one")
+                texture = Texture(np.minimum(texture.pixels, np.float32(HIGHEST)), texture.name)
+            self._read[key] = len(self.textures)
+            self.textures.append(texture)
+        return self._read[key]
+
+    def _lay_out(self, place: _Place, item: Shown, mesh: MeshArrays, order: list[int]) -> None:
+        """The coordinates in the shading's image, if it has one, of the triangles' corners."""
+        image = place.shading.reflectance.image or place.shading.emission.image
+        if image is not None:
+            place.columns["uv"][place.rows] = self._coordinates(item, image, mesh.corner_ids[:, order], place.material)
+
+    def _coordinates(self, item: Shown, image: ImageUse, corners: Int, material: str) -> Float:
+        """(n, 3, 2) float32 coordinates in the image of the triangles with these corners."""
+        layers = item.mesh.uv_layers
+        layer = image.uv_map or next((layer.name for layer in layers if layer.active_render), "")
+        if layer not in layers:
+            lacks = f"no UV map {layer!r}" if layer else "no UV map"
+            warn(self.warnings, item.name, "texture", f"has {lacks} for image {image.image.name!r} of material "
+                 f"{material!r}: the image's first pixel is used, unwrap the object")
+            return np.zeros((len(corners), 3, 2), np.float32)
+        uv = read_uv(item.mesh, layer)[corners].astype(np.float64)
+        placed = uv @ image.matrix[:, :2].T + image.matrix[:, 2]
+        if not np.isfinite(placed).all():
+            warn(self.warnings, item.name, "texture", f"its UV map {layer!r} has values that are not finite: "
+                 "they count as 0, unwrap again")
+            placed = np.nan_to_num(placed, nan=0.0, posinf=0.0, neginf=0.0)
+        return np.asarray(placed, np.float32)
+
+
+def _mean(values: Float, inside: NDArray[np.bool_]) -> Float:
+    """(3,) mean of one colour (3,) or of an image where it counts."""
+    return values if values.ndim == 1 else np.asarray(values[inside].mean(axis=0))

@@ -1,0 +1,163 @@
+"""Lamps of one kind side by side, so that rays to many of them are worked on together.
+
+A bank answers what a lamp does (`lights.py`), each point about a lamp of its own, whose number is given with it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any, Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .area_lamp import Area
+from .lamps import Point, View
+from .lights import Light, LightSample, aimed
+from .mesh_emitter import CLOSED_FORM_TRIANGLES, MeshEmitter
+from .polygon import Shapes, indexed_form_factor
+
+Float = NDArray[np.floating[Any]]
+Int = NDArray[np.integer[Any]]
+
+
+class Bank(Protocol):
+    """Lamps of one kind."""
+
+    def irradiance(self, points: Float, normals: Float, lamp: Int) -> Float:
+        """Unoccluded irradiance over the lamp's colour (n,) float32, in closed form; nan where there is none."""
+        ...
+
+    def sample(self, points: Float, normals: Float, uv: Float, lamp: Int) -> LightSample:
+        """One shadow ray a point, towards lamp `lamp` (n,) of the bank."""
+        ...
+
+
+def banks(lights: Sequence[Light]) -> tuple[list[Bank], Int, Int]:
+    """Lamps in banks: the banks, and for each lamp its bank and its number there."""
+    flat = [number for number, light in enumerate(lights) if _is_flat(light)]
+    points = [number for number, light in enumerate(lights) if type(light) is Point]
+    whole: list[Bank] = []
+    bank, place = np.empty(len(lights), np.int64), np.empty(len(lights), np.int64)
+    for numbers, kind in ((flat, FlatBank), (points, PointBank)):
+        if len(numbers) > 1:
+            bank[numbers], place[numbers] = len(whole), np.arange(len(numbers))
+            whole.append(kind([lights[number] for number in numbers]))
+    done = {number for numbers in (flat, points) if len(numbers) > 1 for number in numbers}
+    for number, light in enumerate(lights):
+        if number not in done:
+            bank[number], place[number] = len(whole), 0
+            whole.append(Single(light))
+    return whole, bank, place
+
+
+def _is_flat(light: Light) -> bool:
+    return isinstance(light, MeshEmitter) or (
+        isinstance(light, Area) and not light.round and light.spread == np.pi and light.area > 0)
+
+
+class Single:
+    """One lamp of any kind."""
+
+    def __init__(self, light: Light) -> None:
+        self._light = light
+        self._channel = int(np.argmax(light.colour))
+        self._strength = max(float(light.colour[self._channel]), 1e-30)
+
+    def irradiance(self, points: Float, normals: Float, lamp: Int) -> Float:
+        """See Bank."""
+        closed = self._light.irradiance(points, normals)
+        if closed is None:
+            return np.full(len(points), np.nan, np.float32)
+        return np.asarray(closed[:, self._channel] / np.float32(self._strength), np.float32)
+
+    def sample(self, points: Float, normals: Float, uv: Float, lamp: Int) -> LightSample:
+        """See Bank."""
+        return self._light.sample(points, normals, uv)
+
+
+class PointBank:
+    """Point lamps."""
+
+    def __init__(self, lights: Sequence[Any]) -> None:
+        self._position = np.array([light.position for light in lights], np.float32)
+        self._radius = np.array([light.radius for light in lights], np.float32)
+        self._sphere = np.array([light.sphere for light in lights])
+
+    def irradiance(self, points: Float, normals: Float, lamp: Int) -> Float:
+        """See Bank."""
+        return self._view(points, normals, lamp).unit_irradiance()
+
+    def sample(self, points: Float, normals: Float, uv: Float, lamp: Int) -> LightSample:
+        """See Bank."""
+        return self._view(points, normals, lamp).sample(self._radius[lamp], self._sphere[lamp], uv)
+
+    def _view(self, points: Float, normals: Float, lamp: Int) -> View:
+        return View.around(self._position[lamp], self._radius[lamp], self._sphere[lamp], points, normals)
+
+
+class FlatBank:
+    """Emissive triangles in groups, and rectangular area lamps: parallelograms and triangles of constant radiance."""
+
+    def __init__(self, lights: Sequence[Any]) -> None:
+        parts = [_pieces(light) for light in lights]
+        corner, first, second, normal, square, limit, brightness = (
+            np.concatenate([part[column] for part in parts]) for column in range(7))
+        self._count = np.array([len(part[0]) for part in parts])
+        self._first = np.cumsum(self._count) - self._count
+        self._corner, self._one, self._other, self._normal = (
+            np.asarray(array, np.float32) for array in (corner, first, second, normal))
+        self._square, self._all_square = square, bool(square.all())
+        lamp = np.repeat(np.arange(len(lights)), self._count)
+        # Lamp k's panels share the numbers from k to k + 1 by their flux.
+        self._limit = limit + lamp
+        # A triangle is a quadrilateral whose last corners are one.
+        far = corner + second + np.where(square[:, None], first, 0)
+        self._shapes = Shapes.of(np.stack([corner, corner + first, far, corner + second], axis=1), np.float32)
+        self._strength = np.asarray(brightness, np.float32)
+        many = [isinstance(light, MeshEmitter) and len(light.corners) > CLOSED_FORM_TRIANGLES for light in lights]
+        self._closed = ~np.array(many)
+        self._two_sided = np.array([isinstance(light, MeshEmitter) and light.two_sided for light in lights])
+        boxes = [light.closed_box if isinstance(light, MeshEmitter) else None for light in lights]
+        everywhere = np.array([[-np.inf] * 3, [np.inf] * 3])
+        self._box = np.array([everywhere if box is None else box for box in boxes], np.float32)
+
+    def _sees_backs(self, points: Float, lamp: Int) -> NDArray[np.bool_]:
+        box = self._box[lamp]
+        return np.asarray(self._two_sided[lamp] & ((points >= box[:, 0]) & (points <= box[:, 1])).all(axis=1))
+
+    def irradiance(self, points: Float, normals: Float, lamp: Int) -> Float:
+        """See Bank."""
+        count = np.where(self._closed[lamp], self._count[lamp], 0)
+        pair = np.repeat(np.arange(len(lamp)), count)
+        piece = self._first[lamp][pair] + np.arange(len(pair)) - (np.cumsum(count) - count)[pair]
+        factor = indexed_form_factor(points[pair], normals[pair], self._shapes, piece, "signed")
+        back = self._sees_backs(points, lamp)[pair]
+        factor = np.where(back, np.abs(factor), np.maximum(factor, 0)) * self._strength[piece]
+        total = np.bincount(pair, factor, len(lamp)).astype(np.float32)
+        return np.where(self._closed[lamp], total, np.float32(np.nan))
+
+    def sample(self, points: Float, normals: Float, uv: Float, lamp: Int) -> LightSample:
+        """See Bank."""
+        at = lamp + uv[:, 0].astype(np.float64)
+        piece = np.searchsorted(self._limit, at, side="right")
+        low = np.where(piece > self._first[lamp], self._limit[piece - 1], lamp)
+        width = np.maximum(self._limit[piece] - low, np.finfo(np.float64).tiny)
+        u, v = np.clip((at - low) / width, 0, 1).astype(np.float32), uv[:, 1]
+        if not self._all_square:
+            square, root = self._square[piece], np.sqrt(u)
+            u, v = np.where(square, u, 1 - root), np.where(square, v, root * v)
+        target = self._corner[piece]
+        target += self._one[piece] * u[:, None]
+        target += self._other[piece] * v[:, None]
+        return aimed(points, normals, target, self._normal[piece], self._sees_backs(points, lamp))
+
+
+def _pieces(light: MeshEmitter | Area) -> tuple[Float, ...]:
+    """Corner, two sides, normal (k, 3); whether it is a parallelogram, upper limit of its part of the flux, and its
+    exitance over the lamp's colour (k,)."""
+    if isinstance(light, Area):
+        corner = light.centre - (light.axis_u + light.axis_v) / 2
+        return (corner[None], light.axis_u[None], light.axis_v[None], light.normal[None], np.ones(1, bool), np.ones(1),
+                np.full(1, np.pi / light.area))
+    return light.pieces()

@@ -1,0 +1,254 @@
+"""Which receivers look at which of many lamps, and with how many rays.
+
+Receivers are judged in blocks. A bound says what each lamp could give a block at most; a few shadow rays from the block
+to each lamp that matters say what arrives. With J_l the root mean square that is expected of lamp l, it is looked at
+with the probability
+
+    p_l = min(1, J_l / tau)      and counts 1 / p_l times
+
+which is unbiased whatever J is (p is above 0 wherever the bound is), and adds the variance  sum J_l (tau - J_l)  over
+the lamps below tau: tau follows from the error that is wanted. A lamp so near that it has no bound is always looked at.
+Lamps are drawn systematically: a receiver takes every lamp at which its own running sum of p passes a whole number
+plus its own random part (so the number of lamps hardly varies between receivers).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .blocks import Blocks
+from .footprints import Footprints
+from .light_bounds import LightBounds
+from .sampling import uniform
+
+Float = NDArray[np.floating[Any]]
+Int = NDArray[np.integer[Any]]
+
+# Part of the wanted standard deviation that may come from lamps that are not looked at.
+SAMPLING_PART = 0.5
+# Lamps that are looked at if nothing is known of the error, at least; and those drawn by chance, at most.
+LEAST_LOOKS, MOST_DRAWN = 8, 64
+# A lamp that would give less than this part of all light to a region is not tried out there.
+TRIED_SHARE = 5e-3
+# A lamp that is expected to give less than this part of all light to a block is drawn by chance, whatever the error.
+APART = 1e-3
+# Shadow rays of a region to the lamps that are tried out: for each receiver, in all; and to one lamp at most.
+TRIES, MOST_TRIES = 1.0, 16
+# Part of the bound that is added to what is expected: what is found against expectation counts 1 / p times.
+BOUND_PART = 0.02
+# Blocks times lamps that are worked on at once.
+BATCH_PAIRS = 2**21
+# Error of the visible part by n rays: half of the light times n^-RATE.
+RATE = 0.75
+# From this many rays on, a lamp's closed form is asked for; and more rays are spent where they disagree.
+CLOSED_FROM = 4
+# Fewest rays towards a lamp that is near.
+NEAR_RAYS = 4
+# Halvings of the interval that tau lies in.
+HALVINGS = 24
+
+# (lamps, receivers) -> the irradiance that one shadow ray stands for, were it free, and as it is: (n,) each.
+Try = Callable[[Int, Int], tuple[Float, Float]]
+
+
+@dataclass(frozen=True, eq=False)
+class Looks:
+    """Pairs of receiver and lamp.
+
+    rows, lamp : (n,) receivers and lamps.
+    factor : (n,) one over the probability that the receiver looks at the lamp.
+    rays : (n,) int of the first look, powers of two.
+    closed : (n,) whether the lamp's closed form is worth asking for.
+    """
+
+    rows: Int
+    lamp: Int
+    factor: Float
+    rays: Int
+    closed: NDArray[np.bool_]
+
+    def __len__(self) -> int:
+        return len(self.rows)
+
+    def take(self, index: Int) -> Looks:
+        """Some of the pairs."""
+        return Looks(*(getattr(self, name)[index] for name in self.__dataclass_fields__))
+
+    @classmethod
+    def join(cls, some: list[Looks]) -> Looks:
+        """All of some."""
+        return cls(*(np.concatenate([getattr(one, name) for one in some]) for name in cls.__dataclass_fields__))
+
+
+@dataclass(frozen=True)
+class Wish:
+    """How well lamps are to be looked at.
+
+    tolerance : wanted standard deviation of each value, W/m2; 0 if not known.
+    pilot : shadow rays of a first look at the lamp that matters most.
+    small_share : with no tolerance, lamps below this part of all light are drawn by chance.
+    """
+
+    tolerance: float
+    pilot: int
+    small_share: float
+
+
+def everybody(count: int, lamp: int, wish: Wish) -> Looks:
+    """Every receiver looks at a lamp."""
+    return Looks(np.arange(count), np.full(count, lamp), np.ones(count, np.float32), np.full(count, wish.pilot),
+                 np.ones(count, bool))
+
+
+class Chooser:
+    """Chooses lamps for blocks.
+
+    Parameters
+    ----------
+    bounds : of all lamps.
+    seed : of the random parts.
+    """
+
+    def __init__(self, bounds: LightBounds, seed: int) -> None:
+        self._bounds, self._seed = bounds, seed
+
+    def shown(self, regions: Blocks, places: Footprints, attempt: Try) -> Float:
+        """What part of each lamp's light is expected to arrive in each region: (r, m) float32, above 0.
+
+        The root of the mean square over receivers of which some see the whole lamp and the others nothing of it.
+        """
+        usual, _, near = self._bounds.of_all(regions)
+        total = usual.sum(axis=1)
+        region, lamp = np.nonzero(near | (usual > TRIED_SHARE * total[:, None]))
+        weight = usual[region, lamp]
+        tries = TRIES * regions.size[region] * weight / np.maximum(total[region], 1e-30)
+        tries = np.round(np.clip(tries, 1, MOST_TRIES)).astype(np.int64)
+        # Rays that were all stopped do not say that nothing arrives: count one more, that arrives.
+        share = np.sqrt((tries * self._tried(regions, places, region, lamp, tries, attempt) + 1) / (tries + 1))
+        whole = np.bincount(region, weight, len(regions))
+        mean = np.divide(np.bincount(region, weight * share, len(regions)), whole, out=np.ones(len(regions)),
+                         where=whole > 0)
+        # Lamps that were not tried: as hidden as the others.
+        out = np.repeat(mean[:, None].astype(np.float32), usual.shape[1], axis=1)
+        out[region, lamp] = share
+        return out
+
+    def looks(self, blocks: Blocks, single: Blocks, shown: Float, places: Footprints, wish: Wish) -> Looks:
+        """Who looks at which lamp.
+
+        Parameters
+        ----------
+        blocks, single : receivers in blocks, and one by one.
+        shown : (b, m) as found for the regions that the blocks lie in.
+        """
+        usual, most, near = self._bounds.of_all(blocks)
+        rest = usual * shown + np.float32(BOUND_PART) * most
+        block, lamp = np.nonzero(near | (rest > APART * rest.sum(axis=1)[:, None]))
+        expected, close = rest[block, lamp], near[block, lamp]
+        rest[block, lamp] = 0
+        highest = np.zeros(len(blocks))
+        np.maximum.at(highest, block, expected)
+        limit = _limit(len(blocks), block, expected, close, rest.sum(axis=1, dtype=np.float64), wish)
+        surely = ~close & (expected >= limit[block])
+        faint = ~close & ~surely
+        rest[block[faint], lamp[faint]] = expected[faint]
+        rays = _rays(expected[surely], highest[block[surely]], wish)
+        return Looks.join([
+            self._sure(blocks, block[surely], lamp[surely], rays),
+            self._close(blocks, single, places, block[close], lamp[close], shown, limit, highest, wish),
+            self._drawn(blocks, places, rest, limit, highest, wish)])
+
+    def batches(self, blocks: Blocks) -> list[slice]:
+        """Runs of blocks to be handed to `looks` one by one."""
+        step = max(1, BATCH_PAIRS // len(self._bounds.strength))
+        return [slice(start, min(start + step, len(blocks))) for start in range(0, len(blocks), step)]
+
+    def _sure(self, blocks: Blocks, block: Int, lamp: Int, rays: Int) -> Looks:
+        """All receivers of a block look at a lamp."""
+        which, place = blocks.members(block)
+        closed = self._bounds.wide(blocks, block, lamp) & (rays >= CLOSED_FROM)
+        return Looks(blocks.order[place], lamp[which], np.ones(len(which), np.float32), rays[which], closed[which])
+
+    def _close(self, blocks: Blocks, single: Blocks, places: Footprints, block: Int, lamp: Int, shown: Float,
+               limit: Float, highest: Float, wish: Wish) -> Looks:
+        """Lamps that are near a block are judged anew for each of its receivers."""
+        which, place = blocks.members(block)
+        lamp, block, rows = lamp[which], block[which], blocks.order[place]
+        usual, most, near = self._bounds.of_pairs(single, place, lamp)
+        expected = usual * shown[block, lamp] + BOUND_PART * most
+        chance = np.where(near, 1, np.minimum(expected / limit[block], 1))
+        key = places.identity[rows] * np.int64(1_000_003) + lamp
+        kept = np.flatnonzero((chance > 0) & (near | (uniform(key, 98, self._seed) < chance)))
+        place, lamp, block, rows, near, chance = (array[kept] for array in (place, lamp, block, rows, near, chance))
+        rays = _rays(expected[kept] / chance, highest[block], wish)
+        rays = np.where(near, np.maximum(rays, min(NEAR_RAYS, wish.pilot)), rays)
+        closed = self._bounds.wide(single, place, lamp) & ((rays >= CLOSED_FROM) | near)
+        return Looks(rows, lamp, np.asarray(1 / chance, np.float32), rays, closed)
+
+    def _tried(self, blocks: Blocks, places: Footprints, block: Int, lamp: Int, tries: Int, attempt: Try) -> Float:
+        """(n,) the part of its light that arrives, for pairs of block and lamp; 1 where there is none."""
+        pair = np.repeat(np.arange(len(block)), tries)
+        step = np.arange(len(pair)) - (np.cumsum(tries) - tries)[pair]
+        first = places.identity[blocks.order[blocks.begin[:-1]]][block][pair]
+        part = uniform(first * np.int64(1_000_003) + lamp[pair] * 31 + step, 71, self._seed)
+        size = blocks.size[block][pair]
+        member = np.minimum(((step + part) / tries[pair] * size).astype(np.int64), size - 1)
+        given, seen = (np.bincount(pair, each, len(block)) for each in attempt(
+            lamp[pair], blocks.order[blocks.begin[:-1][block][pair] + member]))
+        return np.divide(seen, given, out=np.ones(len(block)), where=given > 0)
+
+    def _drawn(self, blocks: Blocks, places: Footprints, rest: Float, limit: Float, highest: Float,
+               wish: Wish) -> Looks:
+        """Lamps that are drawn by chance, with the probability rest / limit."""
+        running = np.cumsum(rest, axis=1, dtype=np.float64) / limit[:, None]
+        number = running[:, -1]
+        block = np.repeat(np.arange(len(blocks)), blocks.size)
+        rows = blocks.rows
+        part = uniform(places.identity[rows], 99, self._seed).astype(np.float64)
+        count = np.maximum(np.ceil(number[block] - part), 0).astype(np.int64)
+        rows, block = np.repeat(rows, count), np.repeat(block, count)
+        step = np.arange(len(rows)) - np.repeat(np.cumsum(count) - count, count)
+        at = np.repeat(part, count) + step
+        # One search for all blocks: each block's running sum starts at a whole number above the last one's end.
+        base = np.concatenate([[0.0], np.cumsum(np.ceil(number[:-1]) + 1)])
+        flat = (running + base[:, None]).reshape(-1)
+        lamp = np.searchsorted(flat, at + base[block], side="right") - block * rest.shape[1]
+        good = (lamp >= 0) & (lamp < rest.shape[1])
+        rows, block, lamp = rows[good], block[good], lamp[good]
+        expected = rest[block, lamp]
+        good = expected > 0
+        rows, block, lamp, expected = rows[good], block[good], lamp[good], expected[good]
+        factor = limit[block] / expected
+        rays = _rays(limit[block], highest[block], wish)
+        return Looks(rows, lamp, np.asarray(factor, np.float32), rays, np.zeros(len(rows), bool))
+
+
+def _limit(count: int, block: Int, expected: Float, close: NDArray[np.bool_], rest: Float, wish: Wish) -> Float:
+    """(count,) tau, above 0, from what blocks expect of single lamps (n,), close ones too, and of all the rest."""
+    free = np.where(close, 0, expected)
+    total = np.bincount(block, expected, count) + rest
+    if wish.tolerance > 0:
+        wanted = (SAMPLING_PART * wish.tolerance) ** 2
+        low, high = np.zeros(count), np.maximum(total, 1e-30)
+        for _ in range(HALVINGS):
+            middle = (low + high) / 2
+            variance = np.bincount(block, free * np.maximum(middle[block] - free, 0), count) + middle * rest
+            low, high = np.where(variance <= wanted, middle, low), np.where(variance <= wanted, high, middle)
+        limit = np.minimum(low, total / LEAST_LOOKS)
+    else:
+        limit = wish.small_share * total
+    drawn = np.bincount(block, np.where(free < limit[block], free, 0), count) + rest
+    return np.maximum(np.maximum(limit, drawn / MOST_DRAWN), 1e-30)
+
+
+def _rays(level: Float, highest: Float, wish: Wish) -> Int:
+    """Rays of the first look at lamps that give `level`: by the wanted error; or fewer than `pilot` for the lesser."""
+    wanted = (level / wish.tolerance) ** (1 / RATE) if wish.tolerance > 0 else wish.pilot * (
+        level / np.maximum(highest, 1e-30)) ** (1 / (0.5 + RATE))
+    power = np.round(np.log2(np.clip(wanted, 1, wish.pilot)))
+    return np.asarray(np.minimum(2 ** power.astype(np.int64), wish.pilot))

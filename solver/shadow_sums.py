@@ -1,0 +1,84 @@
+"""Sums over the shadow rays of some footprints towards one lamp, and what follows from them."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+Float = NDArray[np.floating[Any]]
+Int = NDArray[np.integer[Any]]
+
+
+@dataclass(frozen=True, eq=False)
+class ShadowSums:
+    """Sums over each footprint's rays.
+
+    weight, seen : (n,) of all weights, and of those of free rays.
+    tried, met : (n,) rays that have a weight, and those of them that are free.
+    closed : (n,) the unoccluded closed form over the lamp's colour; nan for none.
+    """
+
+    weight: Float
+    seen: Float
+    tried: Int
+    met: Int
+    closed: Float
+
+    @classmethod
+    def concatenate(cls, parts: Sequence[ShadowSums]) -> ShadowSums:
+        """Of several lists of footprints, one after the other."""
+        if len(parts) == 1:
+            return parts[0]
+        return cls(*(np.concatenate([getattr(part, name) for part in parts]) for name in cls.__dataclass_fields__))
+
+    @property
+    def level(self) -> Float:
+        """Unoccluded irradiance over the lamp's colour."""
+        return np.where(np.isnan(self.closed), self.weight / np.maximum(self.tried, 1), self.closed)
+
+    def take(self, index: Int) -> ShadowSums:
+        """The sums of some of the footprints."""
+        return ShadowSums(*(getattr(self, name)[index] for name in self.__dataclass_fields__))
+
+    def plus(self, other: ShadowSums) -> ShadowSums:
+        """Sums over both sets of rays."""
+        return ShadowSums(self.weight + other.weight, self.seen + other.seen, self.tried + other.tried,
+                          self.met + other.met, self.closed)
+
+    @property
+    def is_closed(self) -> NDArray[np.bool_]:
+        """(n,) whether there is a closed form."""
+        return ~np.isnan(self.closed)
+
+
+def ratio(sums: ShadowSums, count: Int | int) -> tuple[Float, Float]:
+    """The irradiance over the lamp's colour, and the standard deviation of a single ray's estimate of it."""
+    part = sums.seen / np.maximum(sums.weight, np.float32(1e-30))
+    mean = sums.seen / count
+    value = np.where(np.isnan(sums.closed), mean, sums.closed * part)
+    spread = sums.level * np.sqrt(np.clip(part * (1 - part), 0, 0.25))
+    return np.asarray(value, np.float32), np.asarray(spread, np.float32)
+
+
+def doubtful(sums: ShadowSums, rows: Int, enough: NDArray[np.bool_], asked: NDArray[np.bool_], count: int,
+             neighbours: Int | None) -> NDArray[np.bool_]:
+    """Footprints whose rays, or whose neighbours' rays, did not all agree; and all of a lamp without closed form.
+
+    rows : (n,) the footprints, of `count`; enough : (n,) whether their rays are enough to tell: the others are in no
+    doubt; asked : (n,) whether the closed form was asked for; neighbours : (count, 8) footprints around each, -1 for
+    none.
+    """
+    doubt = np.asarray(enough & ((sums.met > 0) & (sums.met < sums.tried) | (asked & ~sums.is_closed)))
+    if neighbours is None:
+        return doubt
+    # 0: not asked, 1: all free, 2: none free, 3: mixed
+    state = np.zeros(count + 1, np.int8)
+    told = enough & (sums.tried > 0)
+    state[rows] = np.where(doubt, 3, np.where(~told, 0, np.where(sums.met > 0, 1, 2)))
+    around = state[neighbours[rows]]
+    own = state[rows][:, None]
+    return np.asarray(doubt | (((around != own) & (around > 0)).any(axis=1) & told))

@@ -1,0 +1,388 @@
+"""Each kind of material against Cycles: what we export of it, and what Cycles' own bakes of the same surface show.
+
+The surface is a ruffled grid of 1.2 m with a UV map, 24 x 24 lumels. Reflectance is compared with Cycles' DIFFUSE bake
+of colour alone, emission with its EMIT bake, in the middle of each lumel: to 1 % of the mean, root mean square.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+import bpy
+import numpy as np
+import pytest
+from radiosity.radiosity_addon.export import export_scene
+from radiosity.solver.geometry import Geometry
+from radiosity.solver.scene import Scene
+from radiosity.solver.settings import Settings
+
+SIDE = 24
+GRID = 6
+WIDTH = 1.2
+TOLERANCE = 0.01
+Make = Callable[[Any, Any], Any]
+
+
+def export(warnings: list[dict[str, Any]]) -> Scene:
+    return export_scene(bpy.context.scene, bpy.context.view_layer, Settings(), warnings).scene
+
+
+@pytest.fixture
+def grid(build):
+    """A ruffled grid with a UV map, smooth, under a sun."""
+    build.sun()
+    across = np.linspace(0, 1, GRID + 1)
+    x, y = np.meshgrid(across, across)
+    height = 0.08 * np.sin(5 * x + 2) * np.cos(4 * y)
+    points = np.column_stack([WIDTH * x.ravel(), WIDTH * y.ravel(), height.ravel()])
+    low = np.arange(GRID * (GRID + 1)).reshape(GRID, GRID + 1)[:, :-1].ravel()
+    item = build.mesh("Grid", points, np.column_stack([low, low + 1, low + GRID + 2, low + GRID + 1]).tolist())
+    layer = item.data.uv_layers.new(name="Paint")
+    corner = np.array([loop.vertex_index for loop in item.data.loops])
+    layer.uv.foreach_set("vector", np.column_stack([x.ravel(), y.ravel()])[corner].astype(np.float32).ravel())
+    item.data.polygons.foreach_set("use_smooth", np.ones(GRID * GRID, bool))
+    return item
+
+
+def diffuse(build: Any, make: Make) -> Any:
+    """A Diffuse BSDF whose colour is what `make(tree, material)` gives."""
+    material = build.material("Kind", (1, 1, 1))
+    tree = material.node_tree
+    node = tree.nodes.new("ShaderNodeBsdfDiffuse")
+    tree.links.new(make(tree, material), node.inputs["Color"])
+    tree.links.new(node.outputs[0], tree.get_output_node("CYCLES").inputs["Surface"])
+    return material
+
+
+def node(tree: Any, kind: str, inputs: dict[Any, Any] | None = None, **settings: Any) -> Any:
+    """A new node with settings, and inputs that are values or sockets."""
+    made = tree.nodes.new(f"ShaderNode{kind}")
+    for name, value in settings.items():
+        setattr(made, name, value)
+    for name, value in (inputs or {}).items():
+        if isinstance(value, bpy.types.NodeSocket):
+            tree.links.new(value, made.inputs[name])
+        else:
+            made.inputs[name].default_value = value
+    return made
+
+
+def cycles(item: Any, kind: str) -> np.ndarray:
+    """(24, 24, 3): Cycles' bake of the item's only material."""
+    scene = bpy.context.scene
+    before = scene.render.engine
+    scene.render.engine = "CYCLES"
+    scene.cycles.device, scene.cycles.samples = "CPU", 1
+    scene.cycles.use_adaptive_sampling = scene.cycles.use_denoising = False
+    image = bpy.data.images.new("Reference", SIDE, SIDE, float_buffer=True)
+    image.colorspace_settings.name = "Non-Color"
+    tree = item.data.materials[0].node_tree
+    tree.nodes.active = tree.nodes.new("ShaderNodeTexImage")
+    tree.nodes.active.image = image
+    bpy.context.view_layer.objects.active = item
+    item.select_set(True)
+    bpy.ops.object.bake(type=kind, pass_filter={"COLOR"}, margin=0, uv_layer="Paint")
+    scene.render.engine = before
+    tree.nodes.remove(tree.nodes.active)
+    return np.array(image.pixels[:]).reshape(SIDE, SIDE, 4)[..., :3]
+
+
+def ours(scene: Scene, look: Callable[..., Any]) -> np.ndarray:
+    """(24, 24, 3): what the exported scene has in the middle of each lumel; `look` asks for it at u, v of triangles."""
+    middle = (np.arange(SIDE) + 0.5) / SIDE * WIDTH
+    x, y = (part.ravel() for part in np.meshgrid(middle, middle))
+    corner = np.asarray(scene.vertices)[scene.triangles][..., :2]
+    a, ab, ac = corner[:, 0], corner[:, 1] - corner[:, 0], corner[:, 2] - corner[:, 0]
+    determinant = ab[:, 0] * ac[:, 1] - ab[:, 1] * ac[:, 0]
+    off = np.stack([x, y], axis=1)[:, None] - a
+    u = (off[..., 0] * ac[:, 1] - off[..., 1] * ac[:, 0]) / determinant
+    v = (ab[:, 0] * off[..., 1] - ab[:, 1] * off[..., 0]) / determinant
+    triangle = np.argmax(np.minimum(np.minimum(u, v), 1 - u - v), axis=1)
+    rows = np.arange(len(triangle))
+    found = look(triangle, u[rows, triangle].astype(np.float32), v[rows, triangle].astype(np.float32))
+    return np.asarray(found).reshape(SIDE, SIDE, -1)
+
+
+def assert_agree(found: np.ndarray, expected: np.ndarray) -> None:
+    assert expected.mean() > 0.02
+    error = np.sqrt(((found - expected) ** 2).mean()) / expected.mean()
+    assert error < TOLERANCE, f"{error:.3%}: mean {found.mean():.4f}, by Cycles {expected.mean():.4f}"
+
+
+def checked_image(build: Any, alpha: Any = 1.0, is_float: bool = True) -> Any:
+    """16 x 16 pixels of smooth colour; alpha may be an array."""
+    y, x = np.mgrid[0:16, 0:16] / 16
+    rgba = np.stack([0.5 + 0.4 * np.sin(7 * x), 0.5 + 0.4 * np.cos(5 * y), 0.3 + 0.5 * x * y, x * 0 + 1], axis=2)
+    rgba[..., 3] = alpha
+    return build.image("Picture", rgba, is_float=is_float)
+
+
+def _noise(tree, _material):
+    return node(tree, "TexNoise", {"Scale": 3.0}).outputs["Color"]
+
+
+def _voronoi(tree, _material):
+    return node(tree, "TexVoronoi", {"Scale": 2.0}, feature="SMOOTH_F1").outputs["Distance"]
+
+
+def _ramp(tree, _material):
+    ramp = node(tree, "ValToRGB", {"Fac": node(tree, "TexWave", {"Scale": 0.7}).outputs["Fac"]})
+    ramp.color_ramp.elements[0].color, ramp.color_ramp.elements[1].color = (0.8, 0.1, 0.05, 1), (0.1, 0.3, 0.7, 1)
+    return ramp.outputs["Color"]
+
+
+def _curves(tree, _material):
+    curves = node(tree, "RGBCurve", {"Color": _noise(tree, None)})
+    curves.mapping.curves[3].points[0].location = (0, 0.3)
+    curves.mapping.update()
+    return curves.outputs["Color"]
+
+
+def _hue(tree, _material):
+    return node(tree, "HueSaturation", {"Color": _noise(tree, None), "Hue": 0.3, "Saturation": 1.5}).outputs["Color"]
+
+
+def _generated(tree, _material):
+    return node(tree, "TexCoord").outputs["Generated"]
+
+
+def _object_space(tree, _material):
+    scaled = node(tree, "VectorMath", {0: node(tree, "TexCoord").outputs["Object"], 1: (0.5, 0.5, 0.5)},
+                  operation="MULTIPLY_ADD")
+    scaled.inputs[2].default_value = (0.1, 0.1, 0.1)
+    return scaled.outputs[0]
+
+
+def _world_space(tree, _material):
+    scaled = node(tree, "VectorMath", {0: node(tree, "NewGeometry").outputs["Position"], 1: (0.2, 0.2, 0.2)},
+                  operation="MULTIPLY_ADD")
+    scaled.inputs[2].default_value = (0.3, 0.3, 0.3)
+    return scaled.outputs[0]
+
+
+def _normals(tree, _material):
+    return node(tree, "VectorMath", {0: node(tree, "NewGeometry").outputs["Normal"]},
+                operation="ABSOLUTE").outputs[0]
+
+
+def _vertex_colours(tree, _material):
+    layer = bpy.data.meshes["Grid"].color_attributes.new("Dirt", "FLOAT_COLOR", "POINT")
+    values = np.random.default_rng(1).uniform(0.1, 0.9, (len(layer.data), 4)).astype(np.float32)
+    layer.data.foreach_set("color", values.ravel())
+    return node(tree, "VertexColor", layer_name="Dirt").outputs["Color"]
+
+
+def _face_attribute(tree, _material):
+    layer = bpy.data.meshes["Grid"].attributes.new("Age", "FLOAT", "FACE")
+    layer.data.foreach_set("value", np.linspace(0.1, 0.9, GRID * GRID, dtype=np.float32))
+    return node(tree, "Attribute", attribute_name="Age").outputs["Fac"]
+
+
+def _random_object(tree, _material):
+    return node(tree, "ObjectInfo").outputs["Random"]
+
+
+def _object_colour(tree, _material):
+    bpy.data.objects["Grid"].color = (0.2, 0.5, 0.7, 1)
+    return node(tree, "ObjectInfo").outputs["Color"]
+
+
+def _blackbody(tree, _material):
+    bright = node(tree, "Blackbody", {"Temperature": 3200.0}).outputs["Color"]
+    return node(tree, "VectorMath", {0: bright, 1: (0.3, 0.3, 0.3)}, operation="MULTIPLY").outputs[0]
+
+
+def _math(tree, _material):
+    half = node(tree, "Math", {0: 0.6, 1: 0.5}, operation="POWER").outputs[0]
+    return node(tree, "CombineColor", {"Red": half, "Green": 0.25, "Blue": 0.1}).outputs[0]
+
+
+def _group(tree, _material):
+    group = bpy.data.node_groups.new("Paint", "ShaderNodeTree")
+    group.interface.new_socket("Scale", in_out="INPUT", socket_type="NodeSocketFloat")
+    group.interface.new_socket("Colour", in_out="OUTPUT", socket_type="NodeSocketColor")
+    begin, end = group.nodes.new("NodeGroupInput"), group.nodes.new("NodeGroupOutput")
+    noise = node(group, "TexNoise", {"Scale": begin.outputs["Scale"]})
+    group.links.new(noise.outputs["Color"], end.inputs["Colour"])
+    made = tree.nodes.new("ShaderNodeGroup")
+    made.node_tree = group
+    made.inputs["Scale"].default_value = 4
+    return made.outputs["Colour"]
+
+
+KINDS = (_noise, _voronoi, _ramp, _curves, _hue, _generated, _object_space, _world_space, _normals, _vertex_colours,
+         _face_attribute, _random_object, _object_colour, _blackbody, _math, _group)
+
+
+@pytest.mark.parametrize("make", KINDS, ids=lambda make: make.__name__.strip("_"))
+def test_a_colour_made_by_nodes_is_the_one_that_cycles_bakes(build, grid, make):
+    # A Diffuse BSDF whose colour comes from such a node. Exact answer: Cycles' COLOR bake.
+    grid.data.materials.append(diffuse(build, make))
+    warnings: list[dict[str, Any]] = []
+    scene = export(warnings)
+    assert_agree(ours(scene, Geometry(scene).reflectance), cycles(grid, "DIFFUSE"))
+    assert warnings == []
+
+
+def _box(tree, picture):
+    place = node(tree, "TexCoord").outputs["Object"]
+    return node(tree, "TexImage", {"Vector": place}, image=picture, projection="BOX", projection_blend=0.3)
+
+
+def _turned(tree, picture):
+    place = node(tree, "Mapping", {"Vector": node(tree, "TexCoord").outputs["UV"], "Rotation": (0.5, 0.3, 0.7)})
+    return node(tree, "TexImage", {"Vector": place.outputs[0]}, image=picture)
+
+
+def _clipped(tree, picture):
+    place = node(tree, "Mapping", {"Vector": node(tree, "TexCoord").outputs["UV"], "Scale": (1.7, 1.7, 1)})
+    return node(tree, "TexImage", {"Vector": place.outputs[0]}, image=picture, extension="EXTEND")
+
+
+def _plain(tree, picture):
+    return node(tree, "TexImage", image=picture)
+
+
+@pytest.mark.parametrize("make", [_box, _turned, _clipped, _plain], ids=lambda make: make.__name__.strip("_"))
+def test_an_image_lies_where_cycles_lays_it(build, grid, make):
+    grid.data.materials.append(diffuse(build, lambda tree, _: make(tree, checked_image(build)).outputs["Color"]))
+    scene = export([])
+    assert_agree(ours(scene, Geometry(scene).reflectance), cycles(grid, "DIFFUSE"))
+
+
+@pytest.mark.parametrize("mode", ["STRAIGHT", "CHANNEL_PACKED"])
+@pytest.mark.parametrize("is_float", [False, True])
+def test_an_images_alpha_darkens_its_colour_as_in_cycles(build, grid, mode, is_float):
+    # An image with alpha from 0 to 1, of which the colour alone is used: Cycles multiplies it by alpha, unless packed.
+    picture = checked_image(build, np.linspace(0, 1, 16), is_float)
+    picture.alpha_mode = mode
+    grid.data.materials.append(diffuse(build, lambda tree, _: _plain(tree, picture).outputs["Color"]))
+    scene = export([])
+    assert_agree(ours(scene, Geometry(scene).reflectance), cycles(grid, "DIFFUSE"))
+
+
+def test_shaders_mixed_by_a_texture_mix_their_colours(build, grid):
+    # Red and blue diffuse shaders, mixed by a noise. Exact answer: Cycles' COLOR bake.
+    def mixed(tree: Any) -> Any:
+        first, second = (node(tree, "BsdfDiffuse", {"Color": colour})
+                         for colour in ((0.8, 0.1, 0.1, 1), (0.1, 0.2, 0.7, 1)))
+        return node(tree, "MixShader", {0: node(tree, "TexNoise", {"Scale": 3.0}).outputs[0],
+                                        1: first.outputs[0], 2: second.outputs[0]})
+    material = build.material("Mixed", (1, 1, 1))
+    tree = material.node_tree
+    tree.links.new(mixed(tree).outputs[0], tree.get_output_node("CYCLES").inputs["Surface"])
+    grid.data.materials.append(material)
+    warnings: list[dict[str, Any]] = []
+    scene = export(warnings)
+    assert_agree(ours(scene, Geometry(scene).reflectance), cycles(grid, "DIFFUSE"))
+    assert warnings == []
+
+
+def test_emission_by_nodes_is_what_cycles_bakes(build, grid):
+    # Strength by a noise, colour by temperature, in Principled. Exact answer: pi times Cycles' EMIT bake.
+    material = build.material("Glow", (0.2, 0.2, 0.2))
+    tree, shader = material.node_tree, build.shader(material)
+    tree.links.new(node(tree, "Blackbody", {"Temperature": 2500.0}).outputs[0], shader.inputs["Emission Color"])
+    tree.links.new(node(tree, "TexNoise", {"Scale": 3.0}).outputs[0], shader.inputs["Emission Strength"])
+    grid.data.materials.append(material)
+    scene = export([])
+    found = ours(scene, Geometry(scene).emission) / np.pi
+    assert_agree(found, cycles(grid, "EMIT"))
+    assert np.allclose(ours(scene, Geometry(scene).reflectance), 0.2)
+
+
+def test_a_constant_by_nodes_becomes_one_flat_colour(build, grid):
+    # A blackbody of 3,200 K times .3. Exact answer: a colour, and no texture.
+    grid.data.materials.append(diffuse(build, _blackbody))
+    scene = export([])
+    assert scene.textures == ()
+    assert np.ptp(np.asarray(scene.reflectance), axis=0).max() == 0
+    assert np.allclose(np.asarray(scene.reflectance)[0], cycles(grid, "DIFFUSE")[0, 0], rtol=1e-4)
+
+
+def test_a_light_path_counts_as_for_a_diffuse_ray(build, grid):
+    # Red for cameras, blue for all other rays: diffuse light sees blue.
+    def seen(tree, _material):
+        path = node(tree, "LightPath").outputs["Is Camera Ray"]
+        return node(tree, "MixRGB", {0: path, 1: (0.1, 0.2, 0.7, 1), 2: (0.8, 0.1, 0.1, 1)}).outputs[0]
+    grid.data.materials.append(diffuse(build, seen))
+    assert np.allclose(export([]).reflectance, (0.1, 0.2, 0.7), atol=1e-5)
+
+
+def test_an_attribute_of_geometry_nodes_is_the_one_that_cycles_bakes(build, grid):
+    # A modifier stores (x + .2) / 2 as "Wear", which is the colour. Exact answer: Cycles' COLOR bake.
+    group = bpy.data.node_groups.new("Wear", "GeometryNodeTree")
+    for direction in ("INPUT", "OUTPUT"):
+        group.interface.new_socket("Geometry", in_out=direction, socket_type="NodeSocketGeometry")
+    begin, end, store, place, part, half = (group.nodes.new(kind) for kind in (
+        "NodeGroupInput", "NodeGroupOutput", "GeometryNodeStoreNamedAttribute", "GeometryNodeInputPosition",
+        "ShaderNodeSeparateXYZ", "ShaderNodeMath"))
+    half.operation = "MULTIPLY_ADD"
+    half.inputs[1].default_value, half.inputs[2].default_value = 0.5, 0.1
+    store.inputs["Name"].default_value = "Wear"
+    value = next(socket for socket in store.inputs if socket.name == "Value" and socket.enabled)
+    for source, target in ((begin.outputs[0], store.inputs[0]), (place.outputs[0], part.inputs[0]),
+                           (part.outputs["X"], half.inputs[0]), (half.outputs[0], value),
+                           (store.outputs[0], end.inputs[0])):
+        group.links.new(source, target)
+    grid.modifiers.new("Wear", "NODES").node_group = group
+    grid.data.materials.append(diffuse(
+        build, lambda tree, _: node(tree, "Attribute", attribute_name="Wear").outputs["Fac"]))
+    scene = export([])
+    assert_agree(ours(scene, Geometry(scene).reflectance), cycles(grid, "DIFFUSE"))
+
+
+def test_generated_coordinates_are_those_before_modifiers(build, grid):
+    # A modifier lifts the grid by .3 m, which generated coordinates don't follow. Exact answer: Cycles' COLOR bake.
+    lift = grid.modifiers.new("Lift", "DISPLACE")
+    lift.direction, lift.strength, lift.mid_level = "Z", 0.3, 0.0
+    grid.data.materials.append(diffuse(build, _generated))
+    scene = export([])
+    assert np.asarray(scene.vertices)[:, 2].min() > 0.2
+    assert_agree(ours(scene, Geometry(scene).reflectance), cycles(grid, "DIFFUSE"))
+
+
+def test_objects_that_share_mesh_and_material_keep_their_own_colours(build, grid):
+    # Two objects of one mesh, coloured by Object Info. Exact answer: each object's own colour.
+    grid.data.materials.append(diffuse(build, _object_colour))
+    other = build.object("Other", grid.data)
+    other.color, other.location = (0.7, 0.1, 0.3, 1), (3, 0, 0)
+    scene = export([])
+    for surface, colour in zip(scene.surfaces, ((0.2, 0.5, 0.7), (0.7, 0.1, 0.3)), strict=True):
+        assert np.allclose(np.asarray(scene.reflectance)[surface.triangles], colour, atol=1e-5)
+
+
+def test_a_factor_by_direction_counts_by_its_mean(build, grid):
+    # Black and white mixed by Fresnel of index 1.5. Exact answer: 9.2 % (Walsh 1926: .0918), the same everywhere.
+    def edge(tree, _material):
+        return node(tree, "MixRGB", {0: node(tree, "Fresnel", {"IOR": 1.5}).outputs[0], 1: (0, 0, 0, 1),
+                                     2: (1, 1, 1, 1)}).outputs[0]
+    grid.data.materials.append(diffuse(build, edge))
+    assert np.allclose(export([]).reflectance, 0.0918, atol=1e-4)
+
+
+def test_metal_reflects_what_cycles_reflects_of_even_light(build, grid):
+    # A metal of colour (.9, .6, .3) under light from everywhere sends back its colour: the energy is kept. Cycles'
+    # own metal brightens towards the edge (F82), so its mean is a little higher: to 10 %.
+    grid.data.materials.append(build.material("Gold", (0.9, 0.6, 0.3), Metallic=1.0, Roughness=0.3))
+    for polygon in grid.data.polygons:
+        polygon.use_smooth = False
+    grid.data.vertices.foreach_set("co", np.column_stack([
+        np.array([vertex.co.xy for vertex in grid.data.vertices]), np.zeros(len(grid.data.vertices))]).ravel())
+    build.world((1, 1, 1))
+    bpy.data.objects.remove(bpy.data.objects["Sun"])
+    found = np.asarray(export([]).reflectance)[0]
+    scene = bpy.context.scene
+    scene.render.engine, scene.cycles.samples = "CYCLES", 256
+    image = bpy.data.images.new("Reflected", 4, 4, float_buffer=True)
+    image.colorspace_settings.name = "Non-Color"
+    tree = grid.active_material.node_tree
+    tree.nodes.active = tree.nodes.new("ShaderNodeTexImage")
+    tree.nodes.active.image = image
+    bpy.context.view_layer.objects.active = grid
+    grid.select_set(True)
+    bpy.ops.object.bake(type="GLOSSY", pass_filter={"DIRECT", "INDIRECT", "COLOR"}, margin=0, uv_layer="Paint")
+    reflected = np.array(image.pixels[:]).reshape(-1, 4)[:, :3].mean(axis=0)
+    assert np.allclose(found, (0.9, 0.6, 0.3))
+    assert np.allclose(found, reflected, rtol=0.1)
