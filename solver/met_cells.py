@@ -14,7 +14,7 @@ from .geometry import Geometry
 from .growing import Growing
 from .parallel import Run, slices
 from .patches import Spots
-from .sampling import kronecker
+from .sampling import kronecker, shifted, shifts
 from .seen import Seen, SeenFootprints
 
 Float = NDArray[np.floating[Any]]
@@ -90,8 +90,9 @@ class MetCells:
     def meet_whole(self, sides: NDArray[np.int64]) -> slice:
         """Fill in cells that no ray met, as if they were seen all over; return their rows."""
         points = kronecker(CELL_SAMPLES, 2)
+        move = shifts(sides, 2, self._seed + 31)
         every = np.repeat(sides, CELL_SAMPLES)
-        x, y = (np.tile(points[:, axis], len(sides)) for axis in (0, 1))
+        x, y = (shifted(points[:, axis], move[:, axis]).reshape(-1) for axis in (0, 1))
         _, u, v, _ = self.cells.places(every, x, y)
         return self.meet([Seen(every, u, v)])
 
