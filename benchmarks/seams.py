@@ -58,7 +58,7 @@ def baked(path: Path, settings: Settings) -> tuple[Lumels, Scene, list[Float]]:
     from radiosity.radiosity_addon.export import export_scene
     from radiosity.radiosity_addon.layouts import with_shared_layouts
 
-    module = import_module("radiosity.solver.bake")  # the package's own `bake` is the function in it
+    module: Any = import_module("radiosity.solver.bake")  # the package's own `bake` is the function in it
     open_blend(path)
     exported = export_scene(bpy.context.scene, bpy.context.view_layer, settings, [])
     scene, settings = with_shared_layouts(exported.scene, exported.bindings, exported.settings, [])

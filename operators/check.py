@@ -35,6 +35,8 @@ class RADIOSITY_OT_check(bpy.types.Operator):
             self.report({"ERROR"}, str(error))
             return {"CANCELLED"}
         keep_findings(context.scene, found.warnings)
+        if context.area is not None:
+            context.area.tag_redraw()  # the panel of findings may be new
         for warning in found.warnings:
             self.report({"ERROR"} if warning["code"] == "error" else {"WARNING"}, as_line(warning))
         if found.failure is not None:

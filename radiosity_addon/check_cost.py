@@ -76,6 +76,6 @@ def _rays_per_second(scene: Scene) -> float:
     ways = random.normal(size=(TRIAL, 3)).astype(np.float32)
     ways = geometry.normal[triangle] + ways / np.linalg.norm(ways, axis=1, keepdims=True)
     caster = geometry.visibility
-    start = time.perf_counter()
+    start = time.thread_time()  # not the clock on the wall: other programs don't make the estimate longer
     caster.hits(points, np.asarray(ways, np.float32))
-    return TRIAL / max(time.perf_counter() - start, 1e-6)
+    return TRIAL / max(time.thread_time() - start, 1e-6)

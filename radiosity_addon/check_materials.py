@@ -22,8 +22,8 @@ def check_materials(rows: Iterable[dict[str, Any]], warnings: Warnings) -> None:
         if row["not_carried"] > NOT_CARRIED:
             why = f" ({row['reason']})" if row["reason"] else ""
             warn(warnings, row["name"], "non_diffuse", f"sends {row['not_carried']:.0%} of the light on otherwise than "
-                 f"diffusely{why}, which a lightmap does not carry: the room around it gets that much less; raise its "
-                 "roughness, lower metallic or transmission, or accept it")
+                 f"diffusely{why}, and a lightmap holds that as matt light or not at all: raise its roughness, lower "
+                 "metallic or transmission, or accept it")
         if max(row["diffuse_reflectance"]) > BRIGHT:
             warn(warnings, row["name"], "bright", f"reflects {max(row['diffuse_reflectance']):.0%} of the light, more "
                  "than any paint: lower the base colour below .9, else rooms of it are too bright and bake slowly")

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
+from functools import partial
 from typing import Any
 
 import bpy
@@ -64,9 +65,13 @@ def show(scene: Any) -> list[Density]:
     usual = float(np.median([each.pixels_per_metre for each in found]))
     for each in found:
         material = _material(each, each.pixels_per_metre / max(usual, 1e-30))
-        slots.cover(each.item, lambda _material, made=material: made)
+        slots.cover(each.item, partial(_instead, material))
     scene.radiosity_view.mode = BAKED
     return found
+
+
+def _instead(material: Any, _covered: Any) -> Any:
+    return material
 
 
 def _laid_out(scene: Any) -> Iterator[tuple[Any, str, tuple[int, int]]]:

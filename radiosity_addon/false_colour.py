@@ -23,10 +23,14 @@ Float = NDArray[np.floating[Any]]
 PALETTE = np.array([
     (0.06, 0.04, 0.28), (0.10, 0.25, 0.72), (0.08, 0.55, 0.85), (0.12, 0.72, 0.58), (0.45, 0.82, 0.25),
     (0.93, 0.88, 0.20), (0.96, 0.60, 0.12), (0.86, 0.25, 0.10), (0.55, 0.05, 0.10)])
+# An automatic scale goes no further than this times the mean over the whole area: a lamp's own spot would take it all.
+SPAN = 3.0
 # About so many isolines over the scale.
 STEPS = 10
 # Half the width of an isoline, as part of the step, and what it leaves of the colour.
 LINE, LINE_SHADE = 0.035, 0.15
+# Shading of maps without isolines: its strength, and the unit direction that is brightest.
+SHADING, FROM = 0.15, (0.36, -0.48, 0.8)
 GROUP, RANGE, STEP = "Radiosity False Colors", "range", "step"
 
 
@@ -90,13 +94,13 @@ def material_of_light(light: Any, scale: Any) -> Any:
     return _material(scale, value)
 
 
-def material_of_attribute(name: str, scale: Any) -> Any:
-    """A material that shows a float attribute on a scale."""
+def material_of_attribute(name: str, scale: Any, shaded: bool = False) -> Any:
+    """A material that shows a float attribute on a scale, with a hint of shading if asked, so that shapes stand out."""
     return _material(scale, lambda tree: add(tree, "ShaderNodeAttribute", -200, attribute_type="GEOMETRY",
-                                             attribute_name=name).outputs["Fac"])
+                                             attribute_name=name).outputs["Fac"], shaded)
 
 
-def _material(scale: Any, value: Any) -> Any:
+def _material(scale: Any, value: Any, shaded: bool = False) -> Any:
     made = bpy.data.materials.new("Radiosity False Colors")
     made[VIEW_MARK] = True
     made.cycles.emission_sampling = "NONE"
@@ -105,10 +109,23 @@ def _material(scale: Any, value: Any) -> Any:
         group, emission = add(tree, "ShaderNodeGroup", 0, node_tree=scale), add(tree, "ShaderNodeEmission", 150)
         tree.links.new(value(tree), group.inputs["Value"])
         tree.links.new(group.outputs["Color"], emission.inputs["Color"])
+        if shaded:
+            tree.links.new(_shading(tree), emission.inputs["Strength"])
         return emission.outputs["Emission"]
 
     only_shader(made, shader)
     return made
+
+
+def _shading(tree: Any) -> Any:
+    """A factor from `1 - 2 SHADING` to 1 by the way a surface faces."""
+    facing = add(tree, "ShaderNodeVectorMath", operation="DOT_PRODUCT")
+    facing.inputs[1].default_value = FROM
+    factor = add(tree, "ShaderNodeMath", operation="MULTIPLY_ADD")
+    factor.inputs[1].default_value, factor.inputs[2].default_value = SHADING, 1 - SHADING
+    tree.links.new(add(tree, "ShaderNodeNewGeometry").outputs["Normal"], facing.inputs[0])
+    tree.links.new(facing.outputs["Value"], factor.inputs[0])
+    return factor.outputs[0]
 
 
 def scale_group(low: float, high: float, step: float, isolines: bool = True) -> Any:

@@ -1,8 +1,4 @@
-"""Where light leaks and where it goes: the patches of the last bake as coloured squares on the surfaces.
-
-Each square lies at the middle of its patch, faces as it does, and has its area; patches of curved or broken surfaces
-have other shapes than their squares.
-"""
+"""Where light leaks and where it goes: figures of the last bake's patches as a heat map on both sides of surfaces."""
 
 from __future__ import annotations
 
@@ -15,18 +11,17 @@ from numpy.typing import NDArray
 
 from ..solver.closure import PatchTable
 from ..solver.errors import NothingToBake
-from . import false_colour, patch_mesh
+from . import false_colour, patch_mesh, patch_paint
 from .baked_light import VIEW_MARK
+from .false_colour import SPAN
 
 Float = NDArray[np.floating[Any]]
 
 NAME = "Radiosity Leaks"
 TITLES = {"back_faces": "Rays that meet back faces", "escaped": "Rays that meet nothing",
           "absorbed": "Absorbed, W/m2", "leaving": "Leaving, W/m2"}
-# How far the squares lie above the surfaces, as part of the diagonal of all patches: below it they would flicker.
+# How far the map lies above the surfaces, as part of the diagonal of all patches: below it they would flicker.
 LIFT = 5e-4
-# The brightest patches in a hundred may leave the scale: a lamp would take all of it.
-MOST = 99
 # A scale of shares is no shorter than this.
 LEAST_SHARE = 0.01
 
@@ -49,7 +44,7 @@ def worst_first(table: PatchTable, name: str) -> NDArray[np.intp]:
 
 
 def show(scene: Any) -> int:
-    """Add the squares to a scene, coloured by the scene's figure; their number.
+    """Add the map of the scene's figure to a scene; the number of patches.
 
     Raises
     ------
@@ -59,16 +54,17 @@ def show(scene: Any) -> int:
     found = patch_mesh.load()
     if found is None:
         raise NothingToBake("the file holds no figures of patches: bake first")
-    table, view = found[0], scene.radiosity_view
+    (table, objects), view = found, scene.radiosity_view
     values = figure(table, view.figure)
-    top = float(values.max(initial=0) if is_share(view.figure) else np.percentile(values, MOST) if len(values) else 0)
+    top = float(values.max(initial=0))
+    if not is_share(view.figure) and len(table):
+        top = min(top, SPAN * float(np.average(values, weights=table.area)))
     view.scale_low, view.scale_high = 0.0, false_colour.nice_top(max(top, LEAST_SHARE * is_share(view.figure)))
     view.scale_step = false_colour.nice_step(view.scale_high)
     view.scale_title = TITLES[view.figure]
-    mesh = _squares(table)
-    mesh.attributes.new("figure", "FLOAT", "FACE").data.foreach_set("value", np.ascontiguousarray(values, np.float32))
+    mesh = _map(table, values, patch_paint.pieces(bpy.context.evaluated_depsgraph_get(), set(objects)))
     scale = false_colour.scale_group(0.0, view.scale_high, view.scale_step, isolines=False)
-    mesh.materials.append(false_colour.material_of_attribute("figure", scale))
+    mesh.materials.append(false_colour.material_of_attribute("figure", scale, shaded=True))
     show_only(scene, NAME, mesh)
     return len(table)
 
@@ -94,30 +90,27 @@ def place(table: PatchTable, objects: Sequence[str], index: int, context: Any) -
     return name
 
 
-def _squares(table: PatchTable) -> Any:
-    """A mesh with a square a patch."""
-    normal = table.normal.astype(np.float64)
-    # Patches are parts of boxes along the axes: their squares lie along them too.
-    axis = np.eye(3)[(np.argmax(np.abs(normal), axis=1) + 1) % 3]
-    right = axis - normal * (axis * normal).sum(axis=1, keepdims=True)
-    right /= np.maximum(np.linalg.norm(right, axis=1, keepdims=True), 1e-30)
-    up = np.cross(normal, right)
-    half = np.sqrt(table.area)[:, None] / 2
+def _map(table: PatchTable, values: Float, corners: Float) -> Any:
+    """A mesh of pieces (n, 3, 3) of surfaces, each side with its patch's value in the face attribute "figure"."""
+    patch, normals = patch_paint.nearest(table, corners)
     lift = LIFT * np.linalg.norm(np.ptp(table.middle, axis=0)) if len(table) else 0.0
-    middle = table.middle + lift * normal
-    corners = np.stack([middle + half * (a * right + b * up) for a, b in ((-1, -1), (1, -1), (1, 1), (-1, 1))], axis=1)
-    return quads(NAME, corners)
+    met = np.flatnonzero(patch >= 0)
+    both = np.concatenate([corners, corners[:, ::-1]])
+    mesh = polygons(NAME, both[met] + (lift * normals[met])[:, None])
+    shown = np.ascontiguousarray(values[patch[met]], np.float32)
+    mesh.attributes.new("figure", "FLOAT", "FACE").data.foreach_set("value", shown)
+    return mesh
 
 
-def quads(name: str, corners: Float) -> Any:
-    """A mesh of quads (n, 4, 3) that share no vertex."""
+def polygons(name: str, corners: Float) -> Any:
+    """A mesh of polygons (n, sides, 3) that share no vertex."""
     mesh = bpy.data.meshes.new(name)
-    count = len(corners)
-    mesh.vertices.add(4 * count)
+    count, sides = corners.shape[:2]
+    mesh.vertices.add(sides * count)
     mesh.vertices.foreach_set("co", corners.astype(np.float32).ravel())
-    mesh.loops.add(4 * count)
-    mesh.loops.foreach_set("vertex_index", np.arange(4 * count, dtype=np.int32))
+    mesh.loops.add(sides * count)
+    mesh.loops.foreach_set("vertex_index", np.arange(sides * count, dtype=np.int32))
     mesh.polygons.add(count)
-    mesh.polygons.foreach_set("loop_start", np.arange(0, 4 * count, 4, dtype=np.int32))
+    mesh.polygons.foreach_set("loop_start", np.arange(0, sides * count, sides, dtype=np.int32))
     mesh.update(calc_edges=True)
     return mesh

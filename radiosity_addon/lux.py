@@ -22,8 +22,6 @@ from .results import Result, results
 
 Float = NDArray[np.floating[Any]]
 
-# An automatic scale goes no further than this times the mean over the whole area: a lamp's own spot would take it all.
-SPAN = 3.0
 COLUMNS = ("name", "minimum lx", "mean lx", "maximum lx", "uniformity", "area m2")
 
 
@@ -96,7 +94,8 @@ def fit_scale(view: Any) -> None:
     if view.automatic:
         area = sum(row.area for row in view.rows)
         mean = sum(row.mean * row.area for row in view.rows) / area if area > 0 else 1.0
-        low, high = 0.0, false_colour.nice_top(min(max((row.maximum for row in view.rows), default=1.0), SPAN * mean))
+        top = max((row.maximum for row in view.rows), default=1.0)
+        low, high = 0.0, false_colour.nice_top(min(top, false_colour.SPAN * mean))
     else:
         low, high = view.low, max(view.high, view.low * 1.001 + 1e-9)
     view.scale_low, view.scale_high, view.scale_title = low, high, "Illuminance, lx"

@@ -153,7 +153,7 @@ def _show(scene: Any, grid: Grid, cells: NDArray[Any], lux: Float) -> None:
         mesh = item.data
         bpy.data.objects.remove(item)
         bpy.data.meshes.remove(mesh)
-    mesh = leaks.quads(NAME, grid.corners(cells))
+    mesh = leaks.polygons(NAME, grid.corners(cells))
     values = np.asarray(grid.at_corners(cells, lux), np.float32)
     mesh.attributes.new("lux", "FLOAT", "POINT").data.foreach_set("value", values.ravel())
     view = scene.radiosity_view

@@ -153,7 +153,7 @@ class FlatBank:
         return aimed(points, normals, target, self._normal[piece], self._sees_backs(points, lamp))
 
 
-def _pieces(light: MeshEmitter | Area) -> tuple[Float, ...]:
+def _pieces(light: MeshEmitter | Area) -> tuple[NDArray[Any], ...]:
     """Corner, two sides, normal (k, 3); whether it is a parallelogram, upper limit of its part of the flux, and its
     exitance over the lamp's colour (k,)."""
     if isinstance(light, Area):

@@ -7,8 +7,8 @@ ray between them is free. A uniform visible fraction in place of the weighted on
 
 Where we leave the paper:
 1. Rays are spent by absolute error: a pilot finds the penumbrae, and only those get more (up to MOST_RAYS).
-2. Of many lamps, those that give little are drawn by chance (`many_lights.py`), not looped over. Where one or two rays
-   to a lamp are enough, their plain mean weight is taken: it is unbiased, and needs no closed form.
+2. Of many lamps, those that give little are drawn by chance (`many_lights.py`), not looped over. Rays to a lamp that
+   looks small have about one weight: their plain mean is taken, which needs no closed form.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ from .footprints import Footprints
 from .geometry import Geometry
 from .light_bounds import LightBounds
 from .lights import Light
-from .many_lights import CLOSED_FROM, Chooser, Looks, Wish, everybody
+from .many_lights import TELLING, Chooser, Looks, Wish, everybody
 from .parallel import Run
 from .sampling import kronecker, shifted, shifts
 from .shadow_sums import ShadowSums, doubtful, ratio
@@ -42,6 +42,8 @@ PILOT_RAYS = 16
 MOST_RAYS = 4096
 # Error of n quasi-random rays over sd * n^-QMC_RATE, from penumbrae of the Cornell box (METHODS: 16 / 64 / 256 rays).
 QMC_RATE = 0.75
+# Rays over those before where none of these was above both horizons, though part of the lamp is.
+LOST_FACTOR = 16
 # Places of a footprint at which the closed form is asked for.
 CLOSED_SAMPLES = 16
 # Which dimensions of the point set serve footprint x, y and lamp u, v: in the natural order a shadow edge along both
@@ -132,25 +134,27 @@ class DirectLight:
         looks = looks.take(order)
         sums = self._sums(looks, places, np.zeros(len(looks), np.int64), looks.rays, run)
         value, spread = ratio(sums, looks.rays)
+        # A lamp of which the rays met only what lies below the horizon gives something all the same.
+        wanted = np.where((sums.tried == 0) & (sums.closed > 0), LOST_FACTOR * looks.rays, 0.0)
         if wish.tolerance > 0:
             doubt = self._doubt(looks, sums, len(total), neighbours)
             sigma = np.where(doubt, np.maximum(spread, sums.level * 0.25), 0) * (
                 self._brightness[looks.lamp] * looks.factor)
-            wanted = np.minimum(np.where(sigma > 0, (sigma / wish.tolerance) ** (1 / QMC_RATE), 0), MOST_RAYS)
-            some, count = _more(looks.rays, wanted)
-            if len(some):
-                order, _ = _runs(self._bank[looks.lamp[some]] << 32 | count << 16 | looks.rays[some])
-                some, count = some[order], count[order]
-                start = looks.rays[some]
-                added = self._sums(looks.take(some), places, start, count - start, run, ask=False)
-                value[some] = ratio(sums.take(some).plus(added), count)[0]
+            wanted = np.maximum(wanted, np.where(sigma > 0, (sigma / wish.tolerance) ** (1 / QMC_RATE), 0))
+        some, count = _more(looks.rays, np.minimum(wanted, MOST_RAYS))
+        if len(some):
+            order, _ = _runs(self._bank[looks.lamp[some]] << 32 | count << 16 | looks.rays[some])
+            some, count = some[order], count[order]
+            start = looks.rays[some]
+            added = self._sums(looks.take(some), places, start, count - start, run, ask=False)
+            value[some] = ratio(sums.take(some).plus(added), count)[0]
         value = value * looks.factor
         for channel in range(3):
             total[:, channel] += np.bincount(looks.rows, value * self._colour[looks.lamp, channel], len(total))
 
     def _doubt(self, looks: Looks, sums: ShadowSums, count: int, neighbours: Int | None) -> NDArray[np.bool_]:
         """(n,) whether more rays could change what was found, lamp by lamp."""
-        enough = looks.rays >= CLOSED_FROM
+        enough = looks.rays >= TELLING
         doubt = np.zeros(len(looks), bool)
         order, runs = _runs(looks.lamp)
         for part in runs:

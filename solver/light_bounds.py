@@ -17,11 +17,13 @@ from numpy.typing import NDArray
 
 from .area_lamp import Area
 from .blocks import Blocks
+from .groups import Tinted
 from .lamps import Point, Sun
 from .lights import Light
 from .luminaire import Luminaire
 from .mesh_emitter import MeshEmitter
 from .shadowless import Shadowless
+from .sky_patch import SkyPatch
 
 Float = NDArray[np.floating[Any]]
 Int = NDArray[np.integer[Any]]
@@ -49,6 +51,7 @@ class LightBounds:
     axis, thickness : (m, 3), (m,) normal of a flat lamp, and half of its thickness; inf for one that is not flat.
     two_sided : (m,) bool.
     far : (m,) bool, a sun.
+    broad : (m,) bool, whether the weights of rays to it may differ much wherever they start.
     unknown : (m,) bool, a lamp of a kind that is not known here: it counts as near everywhere.
     """
 
@@ -61,13 +64,14 @@ class LightBounds:
     thickness: Float
     two_sided: NDArray[np.bool_]
     far: NDArray[np.bool_]
+    broad: NDArray[np.bool_]
     unknown: NDArray[np.bool_]
 
     @classmethod
     def of(cls, lights: Sequence[Light]) -> LightBounds:
         """Of lamps about the scene's origin."""
         columns = [_bounds(light) for light in lights]
-        kinds = (np.float32,) * 7 + (bool,) * 3
+        kinds = (np.float32,) * 7 + (bool,) * 4
         return cls(*(np.array([column[part] for column in columns], kind) for part, kind in enumerate(kinds)))
 
     def of_all(self, blocks: Blocks) -> tuple[Float, Float, NDArray[np.bool_]]:
@@ -106,29 +110,40 @@ class LightBounds:
         """Whether rays to different points of the lamp may differ much in weight, for pairs of block and lamp."""
         offset = self.centre[lamp] - blocks.centre[block]
         distance = np.sqrt((offset**2).sum(axis=1)) - blocks.radius[block]
-        return np.asarray(self.unknown[lamp] | (~self.far[lamp] & (self.radius[lamp] > WIDE * distance)))
+        always = self.unknown[lamp] | self.broad[lamp]
+        return np.asarray(always | (~self.far[lamp] & (self.radius[lamp] > WIDE * distance)))
 
 
 def _bounds(light: Light) -> tuple[Any, ...]:
-    """One lamp's row: centre, radius, strength, soft, floor, axis, thickness, two_sided, far, unknown."""
+    """One lamp's row: centre, radius, strength, soft, floor, axis, thickness, two_sided, far, broad, unknown."""
     strength = float(np.mean(light.colour))
-    if isinstance(light, Shadowless) or (isinstance(light, Luminaire) and light.is_dimmed):
-        return _bounds(light.lamp)
     nowhere, any_way = np.zeros(3), (np.zeros(3), np.inf, True)
+    if isinstance(light, Shadowless):
+        return _bounds(light.lamp)
+    if isinstance(light, Tinted):
+        row = list(_bounds(light.lamp))
+        row[2] *= strength / max(float(np.mean(light.lamp.colour)), 1e-30)
+        return tuple(row)
+    if isinstance(light, Luminaire) and light.is_dimmed:
+        return *_bounds(light.lamp)[:-2], True, False
+    if isinstance(light, SkyPatch):
+        # It may give all of its light wherever the surface turns.
+        return nowhere, 1.0, strength, 0.0, 0.0, *any_way, True, True, False
     if isinstance(light, Sun):
         sine, cosine = float(np.sin(light.angle / 2)), float(np.cos(light.angle / 2))
-        return -light.direction, sine + 1 - cosine, strength * 2 / (1 + cosine), 0.0, 0.0, *any_way, True, False
+        return (-light.direction, sine + 1 - cosine, strength * 2 / (1 + cosine), 0.0, 0.0, *any_way, True,
+                sine > WIDE, False)
     if isinstance(light, Point):
         squared = float(light.radius**2)
         soft, floor = (0.0, squared) if light.sphere else (squared, squared)
-        return light.position, light.radius, strength, soft, floor, *any_way, False, False
+        return light.position, light.radius, strength, soft, floor, *any_way, False, False, False
     if isinstance(light, Area):
         reach = float(max(np.linalg.norm(light.axis_u + sign * light.axis_v) for sign in (1, -1))) / 2
         return (light.centre, reach, strength * light.gathering, 0.0, light.area / np.pi, light.normal, 0.0, False,
-                False, False)
+                False, light.spread < np.pi, False)
     if isinstance(light, MeshEmitter):
         return _mesh_bounds(light, strength)
-    return nowhere, 0.0, strength, 0.0, 0.0, *any_way, False, True
+    return nowhere, 0.0, strength, 0.0, 0.0, *any_way, False, True, True
 
 
 def _mesh_bounds(light: MeshEmitter, strength: float) -> tuple[Any, ...]:
@@ -142,6 +157,6 @@ def _mesh_bounds(light: MeshEmitter, strength: float) -> tuple[Any, ...]:
     axis = normals[np.argmax(np.abs(normals).sum(axis=1))]
     if (np.linalg.norm(np.cross(normals, axis), axis=1) > FLATNESS).any() or (
             not light.two_sided and (normals @ axis < 0).any()):
-        return centre, radius, strength, 0.0, floor, np.zeros(3), np.inf, True, False, False
+        return centre, radius, strength, 0.0, floor, np.zeros(3), np.inf, True, False, False, False
     thickness = float(np.abs((corners - centre) @ axis).max()) + FLATNESS * radius
-    return centre, radius, strength, 0.0, floor, axis, thickness, light.two_sided, False, False
+    return centre, radius, strength, 0.0, floor, axis, thickness, light.two_sided, False, False, False

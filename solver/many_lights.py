@@ -45,10 +45,10 @@ BOUND_PART = 0.02
 BATCH_PAIRS = 2**21
 # Error of the visible part by n rays: half of the light times n^-RATE.
 RATE = 0.75
-# From this many rays on, a lamp's closed form is asked for; and more rays are spent where they disagree.
-CLOSED_FROM = 4
-# Fewest rays towards a lamp that is near.
-NEAR_RAYS = 4
+# From this many rays on, more are spent where they disagree.
+TELLING = 4
+# Fewest rays towards a lamp that is wide as seen from a receiver.
+WIDE_RAYS = 4
 # Halvings of the interval that tau lies in.
 HALVINGS = 24
 
@@ -159,7 +159,7 @@ class Chooser:
         rest[block[faint], lamp[faint]] = expected[faint]
         rays = _rays(expected[surely], highest[block[surely]], wish)
         return Looks.join([
-            self._sure(blocks, block[surely], lamp[surely], rays),
+            self._sure(blocks, block[surely], lamp[surely], rays, wish),
             self._close(blocks, single, places, block[close], lamp[close], shown, limit, highest, wish),
             self._drawn(blocks, places, rest, limit, highest, wish)])
 
@@ -168,10 +168,11 @@ class Chooser:
         step = max(1, BATCH_PAIRS // len(self._bounds.strength))
         return [slice(start, min(start + step, len(blocks))) for start in range(0, len(blocks), step)]
 
-    def _sure(self, blocks: Blocks, block: Int, lamp: Int, rays: Int) -> Looks:
+    def _sure(self, blocks: Blocks, block: Int, lamp: Int, rays: Int, wish: Wish) -> Looks:
         """All receivers of a block look at a lamp."""
         which, place = blocks.members(block)
-        closed = self._bounds.wide(blocks, block, lamp) & (rays >= CLOSED_FROM)
+        closed = self._bounds.wide(blocks, block, lamp)
+        rays = self._enough(rays, closed, wish)
         return Looks(blocks.order[place], lamp[which], np.ones(len(which), np.float32), rays[which], closed[which])
 
     def _close(self, blocks: Blocks, single: Blocks, places: Footprints, block: Int, lamp: Int, shown: Float,
@@ -184,11 +185,16 @@ class Chooser:
         chance = np.where(near, 1, np.minimum(expected / limit[block], 1))
         key = places.identity[rows] * np.int64(1_000_003) + lamp
         kept = np.flatnonzero((chance > 0) & (near | (uniform(key, 98, self._seed) < chance)))
-        place, lamp, block, rows, near, chance = (array[kept] for array in (place, lamp, block, rows, near, chance))
+        place, lamp, block, rows = (array[kept] for array in (place, lamp, block, rows))
+        near, chance = near[kept], chance[kept]
         rays = _rays(expected[kept] / chance, highest[block], wish)
-        rays = np.where(near, np.maximum(rays, min(NEAR_RAYS, wish.pilot)), rays)
-        closed = self._bounds.wide(single, place, lamp) & ((rays >= CLOSED_FROM) | near)
-        return Looks(rows, lamp, np.asarray(1 / chance, np.float32), rays, closed)
+        closed = self._bounds.wide(single, place, lamp)
+        return Looks(rows, lamp, np.asarray(1 / chance, np.float32), self._enough(rays, near | closed, wish), closed)
+
+    @staticmethod
+    def _enough(rays: Int, wide: NDArray[np.bool_], wish: Wish) -> Int:
+        """No fewer rays than a wide lamp needs."""
+        return np.asarray(np.where(wide, np.maximum(rays, min(WIDE_RAYS, wish.pilot)), rays))
 
     def _tried(self, blocks: Blocks, places: Footprints, block: Int, lamp: Int, tries: Int, attempt: Try) -> Float:
         """(n,) the part of its light that arrives, for pairs of block and lamp; 1 where there is none."""
@@ -224,8 +230,9 @@ class Chooser:
         good = expected > 0
         rows, block, lamp, expected = rows[good], block[good], lamp[good], expected[good]
         factor = limit[block] / expected
-        rays = _rays(limit[block], highest[block], wish)
-        return Looks(rows, lamp, np.asarray(factor, np.float32), rays, np.zeros(len(rows), bool))
+        closed = self._bounds.wide(blocks, block, lamp)
+        rays = self._enough(_rays(limit[block], highest[block], wish), closed, wish)
+        return Looks(rows, lamp, np.asarray(factor, np.float32), rays, closed)
 
 
 def _limit(count: int, block: Int, expected: Float, close: NDArray[np.bool_], rest: Float, wish: Wish) -> Float:

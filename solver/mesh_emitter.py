@@ -124,7 +124,7 @@ class MeshEmitter:
         target += pieces.second[chosen] * second[:, None]
         return aimed(points, normals, target, pieces.normal[chosen], self._sees_backs(points))
 
-    def pieces(self) -> tuple[Float, ...]:
+    def pieces(self) -> tuple[NDArray[Any], ...]:
         """Corner, two sides and normal (k, 3) of its flat pieces; whether each is a parallelogram, the upper limit of
         its share of the flux in [0, 1], and its exitance over `colour`, (k,) each."""
         some = self._pieces

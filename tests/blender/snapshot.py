@@ -79,7 +79,10 @@ def _walk(found: dict[str, Any], path: str, thing: Any, above: tuple[int, ...]) 
         found[f"{path} pixels"] = pixels.tobytes()
     if isinstance(thing, bpy.types.ID):
         for key in thing.keys():  # noqa: SIM118 - an ID is no dict
-            found[f"{path}[{key!r}]"] = str(thing[key])
+            # What an addon registered is walked below; Blender makes its room when it is first read.
+            if key not in thing.bl_rna.properties:
+                value = thing[key]
+                found[f"{path}[{key!r}]"] = str(value.to_dict() if hasattr(value, "to_dict") else value)
     for prop in thing.bl_rna.properties:
         if prop.identifier in SKIPPED:
             continue

@@ -61,9 +61,9 @@ def _exported_scene():
 
 def _means(scene):
     """(2, 3) mean irradiance of the open and of the shaded lumels, all bounces."""
-    points = np.concatenate([footprint_points(left)[:, :4].reshape(-1, 3) for left in (-1.5, 0.5)])
+    points = np.concatenate([footprint_points(left)[:, :16].reshape(-1, 3) for left in (-1.5, 0.5)])
     up = np.tile(np.float32([0, 0, 1]), (len(points), 1))
-    value = solver.irradiance(scene, solver.Settings(error=0.01), points, up)
+    value = solver.irradiance(scene, solver.Settings(error=0.02), points, up)
     return value.reshape(2, -1, 3).mean(axis=1)
 
 

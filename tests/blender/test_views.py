@@ -337,8 +337,14 @@ def test_leaks_lead_to_a_flipped_face(stage):
     floor = table.normal[:, 2] > 0.9
     assert np.average(table.back_faces[floor], weights=table.area[floor]) == pytest.approx(0.1998, rel=0.03)
     assert bpy.ops.radiosity.leak_view() == {"FINISHED"}
-    squares = next(item for item in bpy.data.objects if VIEW_MARK in item)
-    assert len(squares.data.polygons) == len(table)
+    # The map covers the insides, and of the ceiling its inner side, which is the back; its values are the patches' own.
+    shown = next(item for item in bpy.data.objects if VIEW_MARK in item).data
+    area = sum(face.area for face in shown.polygons)
+    assert area == pytest.approx(24, rel=0.02)
+    figure = np.array([value.value for value in shown.attributes["figure"].data])
+    up = np.array([face.normal.z > 0.9 for face in shown.polygons])
+    assert figure[up].mean() == pytest.approx(0.1998, rel=0.05)
+    assert figure[[face.normal.z < -0.9 for face in shown.polygons]].max() == 0
     bpy.data.objects["Box"].select_set(False)
     assert bpy.ops.radiosity.worst() == {"FINISHED"}
     assert bpy.data.objects["Box"].select_get()
