@@ -153,6 +153,8 @@ class Auditor:
         carried = np.repeat(normals.any(axis=1)[:, None], 3, axis=1).astype(np.float32)
         alive = np.arange(count)
         directions = cosine_directions(normals, u[:, None], v[:, None])[:, 0]
+        above = np.einsum("ij,ij->i", directions, np.repeat(places.flat_normals(rows), each, axis=0)) > 0
+        carried *= above[:, None]
         for bounce in range(MOST_BOUNCES):
             hits = self.geometry.visibility.hits(points, directions)
             run.count(len(points))
@@ -171,15 +173,16 @@ class Auditor:
             (direct if bounce == 0 else indirect)[alive] += carried * emission
             carried = carried * self.geometry.reflectance(triangle, a, b)
             points = self.geometry.lifted(self.geometry.point(triangle, a, b), triangle, front)
-            normals = self.geometry.shading_normal(triangle, a, b)
-            normals = np.where(front[:, None], normals, -normals)
+            side = np.where(front, np.float32(1), np.float32(-1))[:, None]
+            normals, flat = self.geometry.shading_normal(triangle, a, b) * side, self.geometry.normal[triangle] * side
             keep, carried = _roulette(carried, bounce, generator)
-            alive, carried, points, normals = alive[keep], carried[keep], points[keep], normals[keep]
+            alive, carried, points, normals, flat = (one[keep] for one in (alive, carried, points, normals, flat))
             if not len(alive):
                 break
             indirect[alive] += carried * self._lamps(points, normals, generator, run)
             u, v = generator.random((2, len(alive)), np.float32)
             directions = cosine_directions(normals, u[:, None], v[:, None])[:, 0]
+            carried = carried * (np.einsum("ij,ij->i", directions, flat) > 0)[:, None]
         shape = (len(rows), GROUPS, strata, 3)
         return direct.reshape(shape).mean(axis=2), indirect.reshape(shape).mean(axis=2)
 
@@ -234,6 +237,10 @@ class _Some:
     def sample(self, rows: Int, x: Float, y: Float) -> tuple[Float, Float]:
         """See Footprints."""
         return self._places.sample(self._rows[rows], x, y)
+
+    def flat_normals(self, rows: Int) -> Float:
+        """See Footprints."""
+        return self._places.flat_normals(self._rows[rows])
 
 
 def _roulette(carried: Float, bounce: int, generator: np.random.Generator) -> tuple[Int, Float]:

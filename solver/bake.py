@@ -116,7 +116,8 @@ class _Work:
             self.fans = Fans(places)
             some = np.arange(0, len(places), step)
             self.seen = Gather(transport, PILOT_RAYS, seed + 1).meet(self.fans, some, self.run)
-            transport.meet([cells.companions(COMPLETE_CELLS)])
+            transport.meet_whole(cells.companions(COMPLETE_CELLS))
+            transport.note(self.seen)
         with self.stages("form factors"):
             transport.discover(self.plan.row_rays)
         with self.stages("solve"):

@@ -81,8 +81,11 @@ class Cells:
 
     def unmet(self, sides: NDArray[np.int64]) -> NDArray[np.int64]:
         """The sides that have no row yet, each once, in the order of their numbers."""
-        fresh = sides[np.take(self._row_of, sides) == 0]
-        return np.unique(fresh[fresh >= 0])
+        return np.unique(sides[self.are_new(sides)])
+
+    def are_new(self, sides: NDArray[np.int64]) -> NDArray[np.bool_]:
+        """Which of the sides (n,) are cells without a row."""
+        return np.asarray((np.take(self._row_of, sides) == 0) & (sides >= 0))
 
     def rows(self, sides: NDArray[np.int64]) -> NDArray[np.int32]:
         """The row of each side; NOTHING where it has none."""

@@ -45,7 +45,7 @@ QMC_RATE = 0.75
 # Rays over those before where none of these was above both horizons, though part of the lamp is.
 LOST_FACTOR = 16
 # Places of a footprint at which the closed form is asked for.
-CLOSED_SAMPLES = 4
+CLOSED_SAMPLES = 16
 # Which dimensions of the point set serve footprint x, y and lamp u, v: in the natural order a shadow edge along both
 # x and u resonates (RMS .028 of the visible part at 1,024 rays, against .0055 in this one).
 COLUMNS = (3, 0, 2, 1)

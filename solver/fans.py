@@ -23,6 +23,9 @@ Bool = NDArray[np.bool_]
 # Normals that stay within this cosine over a footprint are taken as one: the mean over angles up to t from the middle
 # differs by t^2 / 6, less than .1 % here.
 SAME_NORMAL = 0.998
+# Where the shading normal is off the triangle's own by more than this cosine, rays can lead under the surface. Nothing
+# comes from there (as in Cycles).
+STRAIGHT = 1 - 1e-6
 
 
 class Fans:
@@ -50,6 +53,8 @@ class Fans:
         self._whole, self._bent = places.free.copy(), np.zeros(len(triangle), bool)
         self._look_at_corners(np.flatnonzero(solid))
         self._frames = frames(self._normal)
+        self._flat_normal = geometry.normal[triangle]
+        self._steep = solid & (np.einsum("ij,ij->i", self._flat_normal, self._normal) < STRAIGHT)
 
     def __len__(self) -> int:
         return len(self.receivers)
@@ -97,6 +102,11 @@ class Fans:
             around = shifted(points[:, 1], move[bent, 1])
             directions[bent] = cosine_directions(normals, height[bent].reshape(-1, 1), around.reshape(-1, 1)).reshape(
                 len(bent), count, 3)
+        steep = np.flatnonzero(self._steep[rows] | self._bent[rows])
+        if len(steep):
+            lit = np.ones(len(directions) * count, bool) if lit is None else lit
+            above = np.matmul(directions[steep], self._flat_normal[rows[steep], :, None])[..., 0] > 0
+            lit.reshape(-1, count)[steep] &= above
         return origins.reshape(-1, 3), directions.reshape(-1, 3), lit
 
     def _look_at_corners(self, solid: Int) -> None:

@@ -33,6 +33,11 @@ class Footprints(Protocol):
         """
         ...
 
+    def flat_normals(self, rows: Int) -> Float:
+        """(n, 3) unit normals of the surfaces themselves: nothing comes from behind those, whatever way a smooth
+        surface's shading normal leads (as in Cycles)."""
+        ...
+
 
 class ReceiverFootprints:
     """The part of a texel (or of nothing, for a probe) that a receiver is the mean of.
@@ -94,6 +99,11 @@ class ReceiverFootprints:
             points[free] = self.free_start(rows[free])
         return points, normals
 
+    def flat_normals(self, rows: Int) -> Float:
+        """See Footprints."""
+        normals = self.geometry.normal[self.receivers.triangle[rows]]
+        return np.where(self.free[rows, None], self.receivers.normal[rows], normals)
+
     def free_start(self, rows: Int) -> Float:
         """(n, 3) float32: where rays of receivers on no triangle start."""
         return np.asarray(self.receivers.position[rows] + self.receivers.normal[rows] * self._free_offset)
@@ -131,6 +141,12 @@ class CellFootprints:
         points = geometry.lifted(geometry.point(triangle, u, v), triangle, front)
         normals = geometry.shading_normal(triangle, u, v)
         return points, np.where(front[:, None], normals, -normals)
+
+    def flat_normals(self, rows: Int) -> Float:
+        """See Footprints."""
+        side = self.identity[rows]
+        normals = self.cells.geometry.normal[self.cells.triangle_of(side)]
+        return np.asarray(normals * np.where(side & 1, 1, -1)[:, None].astype(np.float32))
 
 
 def _outside(place: Float) -> NDArray[np.bool_]:

@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 from .fans import Fans
 from .parallel import Run, slices
 from .sampling import cosine_directions, shifts
+from .seen import Seen
 from .tables import mean_over_rays
 from .transport import Met, Transport
 
@@ -45,7 +46,7 @@ class _Rays:
 
     rows: Int  # (n,) receivers
     sides: NDArray[np.int64]  # (n * rays,) of cells, of the first hits
-    fresh: NDArray[np.int64]  # those of the last hits that have no row yet
+    fresh: Seen  # where the last hits met cells that have no row yet
     sky: Float  # (n, 3) mean irradiance
     lit: NDArray[np.bool_] | None  # (n * rays,) whether light can arrive at the ray's start; None: everywhere
     going: Int  # which rays go on,
@@ -97,7 +98,7 @@ class Gather:
     def _trace(self, fans: Fans, rows: Int) -> _Rays:
         origins, directions, lit = fans.rays(rows, self.count, self.seed)
         met = self.transport.trace(origins, directions)
-        fresh = self.transport.cells.unmet(met.sides)
+        fresh = met.fresh(self.transport.cells)
         nothing = np.empty((0, 4), np.float32)
         return _Rays(rows, met.sides, fresh, self._mean_sky(met, len(rows), lit), lit, np.arange(len(met.sides)), met,
                      nothing, nothing)
@@ -178,6 +179,6 @@ class _Step:
         normal = np.where(front[:, None], normal, -normal)
         u, v = shifts(self._identity(rays, rays.going), 2, self._gather.seed + 5 + self._bounce).T
         rays.met = transport.trace(start, cosine_directions(normal, u[:, None], v[:, None])[:, 0])
-        rays.fresh = transport.cells.unmet(rays.met.sides)
+        rays.fresh = rays.met.fresh(transport.cells)
         missed = rays.met.missed
         rays.value[rays.going[missed], :3] += rays.carried[missed] * rays.met.sky

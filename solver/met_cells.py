@@ -10,12 +10,12 @@ from numpy.typing import NDArray
 
 from .cells import Cells
 from .direct import DirectLight
-from .footprints import CellFootprints
 from .geometry import Geometry
 from .growing import Growing
 from .parallel import Run, slices
 from .patches import Spots
 from .sampling import kronecker, shifted, shifts
+from .seen import Seen, SeenFootprints
 
 Float = NDArray[np.floating[Any]]
 
@@ -71,49 +71,58 @@ class MetCells:
         """The cells' middles."""
         return Spots(self._points.values, self._normals.values, self._triangle.values, self._gap.values)
 
-    def meet(self, sides: Sequence[NDArray[np.int64]]) -> slice:
-        """Fill in the sides of cells that are new; return their rows."""
-        new = self.cells.meet(np.concatenate(sides))
+    def meet(self, seen: Sequence[Seen]) -> slice:
+        """Fill in the cells that are new; return their rows."""
+        fresh = Seen.join(seen)
+        fresh = fresh.take(self.cells.are_new(fresh.side)).few()
+        new = self.cells.meet(fresh.side)
         if new.start < new.stop:
-            fresh = self.cells.side[new]
-            reflectance, emission = self._materials(fresh)
-            incident = self._light.irradiance(CellFootprints(self.cells, fresh), self._run, pilot=CELL_SAMPLES,
-                                              small_share=CELL_SMALL_SHARE)
+            places = SeenFootprints(self.geometry, self.cells, fresh)
+            reflectance, emission = self._materials(places)
+            incident = self._light.irradiance(places, self._run, pilot=CELL_SAMPLES, small_share=CELL_SMALL_SHARE)
             self._incident.append(incident)
             self._emission.append(emission)
             self._reflectance.append(reflectance)
             self._direct.append(reflectance * incident + emission)
-            self._place(fresh)
+            self._place(places)
         return new
 
-    def _place(self, sides: NDArray[np.int64]) -> None:
-        half = np.full(len(sides), 0.5, np.float32)
-        triangle, u, v, front = self.cells.places(sides, half, half)
+    def meet_whole(self, sides: NDArray[np.int64]) -> slice:
+        """Fill in cells that no ray met, as if they were seen all over; return their rows."""
+        points = kronecker(CELL_SAMPLES, 2)
+        move = shifts(sides, 2, self._seed + 31)
+        every = np.repeat(sides, CELL_SAMPLES)
+        x, y = (shifted(points[:, axis], move[:, axis]).reshape(-1) for axis in (0, 1))
+        _, u, v, _ = self.cells.places(every, x, y)
+        return self.meet([Seen(every, u, v)])
+
+    def _place(self, places: SeenFootprints) -> None:
+        """Where a cell is seen first stands for it."""
+        rows = np.arange(len(places))
+        triangle, u, v = places.at(rows, np.zeros(len(places), np.float32))
+        front = (places.identity & 1).astype(bool)
         spots = Spots.at(self.geometry, triangle, u, v, front)
-        self._run.count(len(sides))
+        self._run.count(len(places))
         self._points.append(spots.points)
         self._normals.append(spots.normals)
         self._triangle.append(triangle)
         self._gap.append(spots.gap)
-        start = np.zeros((len(sides), 8), np.float32)
+        start = np.zeros((len(places), 8), np.float32)
         start[:, :3] = self.geometry.lifted(spots.points, triangle, front)
         start[:, 4:7] = self.geometry.shading_normal(triangle, u, v) * np.where(front, 1, -1)[:, None]
         self._start.append(start)
 
-    def _materials(self, sides: NDArray[np.int64]) -> tuple[Float, Float]:
-        """Mean reflectance and mean emission that is gathered (not sampled as a lamp) of each side."""
-        points = kronecker(CELL_SAMPLES, 2)
+    def _materials(self, places: SeenFootprints) -> tuple[Float, Float]:
+        """Mean reflectance and mean emission that is gathered (not sampled as a lamp) of each cell."""
+        draws = (np.arange(CELL_SAMPLES, dtype=np.float32) + np.float32(0.5)) / np.float32(CELL_SAMPLES)
 
         def work(part: slice) -> tuple[Float, Float]:
-            these = sides[part]
-            move = shifts(these, 2, self._seed + 31)
-            x = shifted(points[:, 0], move[:, 0]).reshape(-1)
-            y = shifted(points[:, 1], move[:, 1]).reshape(-1)
-            triangle, u, v, _ = self.cells.places(np.repeat(these, CELL_SAMPLES), x, y)
+            rows = np.repeat(np.arange(part.start, part.stop), CELL_SAMPLES)
+            triangle, u, v = places.at(rows, np.tile(draws, part.stop - part.start))
             reflectance = self.geometry.reflectance(triangle, u, v).reshape(-1, CELL_SAMPLES, 3).mean(axis=1)
             emission = self.geometry.emission(triangle, u, v).reshape(-1, CELL_SAMPLES, 3).mean(axis=1)
             emission[self._sampled_emitter[triangle[::CELL_SAMPLES]]] = 0
             return reflectance, emission
 
-        parts = self._run.map(work, slices(len(sides), CHUNK_RAYS // CELL_SAMPLES))
+        parts = self._run.map(work, slices(len(places), CHUNK_RAYS // CELL_SAMPLES))
         return np.concatenate([part[0] for part in parts]), np.concatenate([part[1] for part in parts])

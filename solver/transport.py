@@ -24,6 +24,7 @@ from .parallel import Run, slices
 from .patches import Patches
 from .rows import Rows
 from .sampling import cosine_directions, kronecker, shifted, shifts
+from .seen import Seen
 from .tables import mean_of_hits, padded
 from .visibility import Hits
 
@@ -33,6 +34,9 @@ Int = NDArray[np.integer[Any]]
 CHUNK_RAYS = 2**17
 # Generations of patches that see patches that see ... before what is newly met is left to an average.
 MOST_WAVES = 8
+# A patch's light is the mean over its cells as they are seen: where rays of other patches and receivers met them, with
+# this many hits spread evenly, for those that few rays look at.
+PRIOR_HITS = 1.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -44,6 +48,19 @@ class Met:
     sides: NDArray[np.int64]
     missed: Int
     sky: Float
+
+    def fresh(self, cells: Cells) -> Seen:
+        """Where cells that have no row yet were met: a few points of each."""
+        new = np.flatnonzero(cells.are_new(self.sides))
+        return Seen(self.sides[new], self.hits.u[new], self.hits.v[new]).few()
+
+    def where_above(self, directions: Float, normals: Float) -> Met:
+        """Without what came from under the surfaces (n, 3) that rays started on: a shading normal may lead there."""
+        below = np.einsum("ij,ij->i", directions, normals) <= 0
+        if not below.any():
+            return self
+        kept = ~below[self.missed]
+        return Met(self.hits, np.where(below, NOTHING, self.sides), self.missed[kept], self.sky[kept])
 
 
 class Transport:
@@ -66,6 +83,7 @@ class Transport:
         self.met = MetCells(geometry, direct, sampled_emitter, cells, seed, run)
         self._seed, self._run = seed, run
         self._cell_patch = Growing((), np.int32)
+        self._hits = np.zeros(0)
         self.irradiance = np.empty((0, 3), np.float32)
         self.rows: list[Rows] = []
         # Patches below `_solved` were there at the last solve; `_unsolved` of them have cells and no row.
@@ -88,9 +106,15 @@ class Transport:
         """(cells,) int32."""
         return self._cell_patch.values
 
-    def meet(self, sides: Sequence[NDArray[np.int64]]) -> None:
+    def meet(self, seen: Sequence[Seen]) -> None:
         """Give every met side of a cell its direct light, reflectance and patch."""
-        new = self.met.meet(sides)
+        self._settle_in(self.met.meet(seen))
+
+    def meet_whole(self, sides: NDArray[np.int64]) -> None:
+        """The same for cells that no ray met."""
+        self._settle_in(self.met.meet_whole(sides))
+
+    def _settle_in(self, new: slice) -> None:
         if new.start < new.stop:
             self._cell_patch.append(self.patches.of(self.met.spots.take(new)))
             self._make_room()
@@ -169,26 +193,31 @@ class Transport:
             start = partial(self._row_rays, these, rays, *self._members(these))
             pieces = self._run.map(start, slices(len(these), max(1, CHUNK_RAYS // rays)))
             sides = np.concatenate([piece[0] for piece in pieces])
-            self.meet([sides.reshape(-1)])
+            self.meet([piece[3] for piece in pieces])
             hits = self.cells.rows(sides.reshape(-1)).reshape(sides.shape)
             sky = None if self.geometry.scene.sky.is_black else np.concatenate([piece[1] for piece in pieces])
+            self.note(hits.reshape(-1))
             traced.append(Rows(these, hits, np.concatenate([piece[2] for piece in pieces]), sky))
         return traced
 
     def _members(self, patches: NDArray[np.int32]) -> tuple[Int, Float, Int]:
-        """Met cells of some patches in the patches' order, the running sum of their areas, and where each begins."""
+        """Met cells of some patches in the patches' order, the running sum of their weights, and where each begins."""
         place = np.full(len(self.patches), -1, np.int32)
         place[patches] = np.arange(len(patches))
         cells = np.flatnonzero(place[self.cell_patch] >= 0)
         order = cells[np.argsort(place[self.cell_patch[cells]], kind="stable")]
         area = self.cells.area(self.cells.side[order]).astype(np.float64)
-        running = np.concatenate([[0.0], np.cumsum(area)])
         begins = np.searchsorted(place[self.cell_patch[order]], np.arange(len(patches) + 1))
+        part = area / np.repeat(np.add.reduceat(area, begins[:-1]), np.diff(begins))
+        hits = np.zeros(len(self.cells))
+        hits[: len(self._hits)] = self._hits
+        running = np.concatenate([[0.0], np.cumsum(part * PRIOR_HITS + hits[order])])
         return order, running, begins
 
     def _row_rays(self, patches: NDArray[np.int32], rays: int, order: Int, running: Float, begins: Int,
-                  part: slice) -> tuple[NDArray[np.int64], Float, NDArray[np.uint8]]:
-        """Of some rows' rays (p, rays): sides met, the sky's irradiance (.., 3), the eighth they start in."""
+                  part: slice) -> tuple[NDArray[np.int64], Float, NDArray[np.uint8], Seen]:
+        """Of some rows' rays (p, rays): sides met, the sky's irradiance (.., 3), the eighth they start in;
+        and where new cells were met."""
         first, last = begins[:-1][part], begins[1:][part]
         low, high = running[first], running[last]
         # A patch is known by its first member's side: the same points whatever its number.
@@ -202,11 +231,18 @@ class Transport:
         start = np.take(self.met.start, order[member], axis=0)
         points3, normals = start[:, :3], start[:, 4:7]
         directions = cosine_directions(normals, height.reshape(-1, 1), azimuth.reshape(-1, 1))[:, 0]
-        met = self.trace(points3, directions)
+        met = self.trace(points3, directions).where_above(directions, self.met.spots.normals[order[member]])
         sky = np.zeros((0 if self.geometry.scene.sky.is_black else len(met.sides), 3), np.float32)
         sky[met.missed] = met.sky
         eighth = self.patches.part(points3, np.repeat(patches[part], rays))
-        return met.sides.reshape(-1, rays), sky.reshape(-1, rays, 3), eighth.reshape(-1, rays)
+        return (met.sides.reshape(-1, rays), sky.reshape(-1, rays, 3), eighth.reshape(-1, rays),
+                met.fresh(self.cells))
+
+    def note(self, hits: NDArray[np.int32]) -> None:
+        """Count how often rays met each cell: rows (n,), NOTHING for the sky."""
+        count = np.bincount(hits[hits >= 0], minlength=len(self.cells)).astype(np.float64)
+        count[: len(self._hits)] += self._hits
+        self._hits = count
 
     # --- solve ---------------------------------------------------------------------------------------------------
     def discover(self, rays: int) -> None:

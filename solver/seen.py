@@ -1,0 +1,86 @@
+"""Where cells are seen: the points at which rays met them.
+
+A cell may be seen in part only: most of it under a cupboard, or behind a lamp. What rays that meet it should read is
+the mean over the part that is seen, so that is where its light is asked for.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .cells import Cells
+from .geometry import Geometry
+
+Float = NDArray[np.floating[Any]]
+Int = NDArray[np.integer[Any]]
+
+# Points of a cell that are kept.
+PLACES = 4
+
+
+@dataclass(frozen=True, eq=False)
+class Seen:
+    """Points of cells that rays met: side (n,) int64 of each cell, u and v (n,) float32 in its triangle."""
+
+    side: NDArray[np.int64]
+    u: Float
+    v: Float
+
+    def take(self, index: NDArray[Any]) -> Seen:
+        """Some of them."""
+        return Seen(self.side[index], self.u[index], self.v[index])
+
+    @classmethod
+    def join(cls, some: Sequence[Seen]) -> Seen:
+        """All of some."""
+        return cls(*(np.concatenate([getattr(one, name) for one in some]) for name in ("side", "u", "v")))
+
+    def few(self) -> Seen:
+        """At most PLACES of each cell, spread over what there is of it; ordered by cell."""
+        order = np.argsort(self.side, kind="stable")
+        side = self.side[order]
+        first = np.flatnonzero(np.diff(side, prepend=-1))
+        count = np.diff(first, append=len(side))
+        kept = np.minimum(count, PLACES)
+        turn = np.arange(kept.sum()) - np.repeat(np.cumsum(kept) - kept, kept)
+        return self.take(order[np.repeat(first, kept) + turn * np.repeat(count, kept) // np.repeat(kept, kept)])
+
+
+class SeenFootprints:
+    """Cells, as footprints made of a few points each."""
+
+    def __init__(self, geometry: Geometry, cells: Cells, seen: Seen) -> None:
+        """`seen` is what `Seen.few` returns."""
+        self._geometry = geometry
+        self._first = np.flatnonzero(np.diff(seen.side, prepend=-1))
+        self._count = np.diff(self._first, append=len(seen.side))
+        self._u, self._v = seen.u, seen.v
+        self.identity = seen.side[self._first]
+        self.triangle = cells.triangle_of(self.identity)
+        self._front = (self.identity & 1).astype(bool)
+
+    def __len__(self) -> int:
+        return len(self.identity)
+
+    def at(self, rows: Int, x: Float) -> tuple[Int, Float, Float]:
+        """Triangle, u and v (n,) of points of cells `rows`, drawn by x in [0, 1)."""
+        point = self._first[rows] + (x * self._count[rows]).astype(np.int64)
+        return self.triangle[rows], self._u[point], self._v[point]
+
+    def sample(self, rows: Int, x: Float, y: Float) -> tuple[Float, Float]:
+        """See Footprints."""
+        triangle, u, v = self.at(rows, x)
+        front = self._front[rows]
+        points = self._geometry.lifted(self._geometry.point(triangle, u, v), triangle, front)
+        normals = self._geometry.shading_normal(triangle, u, v)
+        return points, np.where(front[:, None], normals, -normals)
+
+    def flat_normals(self, rows: Int) -> Float:
+        """See Footprints."""
+        side = np.where(self._front[rows], np.float32(1), np.float32(-1))
+        return np.asarray(self._geometry.normal[self.triangle[rows]] * side[:, None])
