@@ -18,7 +18,7 @@ from .mesh_arrays import read
 
 Float = NDArray[np.floating[Any]]
 
-# Pieces are as wide as this part of a usual patch; most pieces in all, and along a triangle's side.
+# Pieces are as wide as this part of a usual patch; most pieces beside uncut triangles, and along a triangle's side.
 PIECE_WIDTH, MOST_PIECES, MOST_CUTS = 0.5, 100_000, 64
 # A difference of normals counts as a distance of this many patches' widths.
 FACING = 2.0
@@ -45,7 +45,7 @@ def pieces(depsgraph: Any, objects: Collection[str], patch_area: float) -> Float
     width = PIECE_WIDTH * np.sqrt(patch_area)
     while True:
         cuts = np.clip(np.ceil(longest / width), 1, MOST_CUTS).astype(int)
-        if (cuts**2).sum() <= max(MOST_PIECES, len(cuts)):
+        if (cuts**2).sum() <= MOST_PIECES + len(cuts):
             break
         width *= 1.25
     return np.concatenate([_cut(corners[cuts == number], int(number)) for number in np.unique(cuts)]).astype(np.float32)

@@ -1,16 +1,19 @@
-"""Run by Blender in its window: opens the sidebar, clicks the tab and the button, and waits until the bake ends.
+"""Run by Blender in its window: goes through a visit by mouse, takes pictures, and writes down what it saw.
 
 `blender --enable-event-simulate SCENE.blend --python drive.py`, with DRIVE_JOB set to a JSON object:
-tab, operator : what to click, e.g. "Radiosity" and "radiosity.bake".
+tab : the sidebar's tab to open.
 settings : values of the scene's settings, as the panel's fields would get them.
+visit : the steps, [["verb", argument, ...], ...]; each verb is a function below.
 shots : folder for the pictures of the whole screen.
-save : the .blend to write at the end; result : the JSON file to write, {"error": ..., "seen": ...}.
+result : the JSON file to write, {"error": ..., "seen": ...}.
+fingerprint : path of the module that tells all that a .blend holds.
 
-No operator is called to bake: tabs and buttons are found by moving and clicking.
+No operator is called to do what a button does: tabs and buttons are found by moving and clicking.
 """
 
 from __future__ import annotations
 
+import importlib.util
 import json
 import os
 import subprocess
@@ -24,19 +27,46 @@ import bpy
 
 JOB = json.loads(os.environ["DRIVE_JOB"])
 # Pixels between two tries down the strip of tabs, and down the panel; both are smaller than what is looked for.
-TAB_STEP, BUTTON_STEP = 10, 6
-# Seconds for the window to draw what an event changed.
-DRAW = 0.2
-# Seconds that a bake of the small scene may take.
-LONGEST_BAKE = 240.0
-SEEN: dict[str, Any] = {}
+TAB_STEP, BUTTON_STEP = 10, 14
+# Seconds for the window to handle a move of the mouse, and to draw what a click changed.
+MOVE, DRAW = 0.03, 0.3
+# Seconds that an operator may run.
+LONGEST = 240.0
+SEEN: dict[str, Any] = {"differences": {}, "shading": {}, "mode": {}}
+
+
+def load(path: str) -> Any:
+    """A file as a module."""
+    spec = importlib.util.spec_from_file_location(Path(path).stem, path)
+    assert spec is not None
+    assert spec.loader is not None
+    module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    return module
+
+
+MARKS: dict[str, Any] = {}
+# Height at which the button of an operator was last seen, pixels, and the operator that was last seen at a height.
+HEIGHTS: dict[str, int] = {}
+FOUND: dict[int, str] = {}
+ENGINE: dict[str, str] = {}
+
+
+def viewport() -> tuple[Any, Any]:
+    """The window and its 3D viewport."""
+    window = bpy.context.window_manager.windows[0]
+    return window, next(area for area in window.screen.areas if area.type == "VIEW_3D")
+
+
+def region_of(area: Any, kind: str) -> Any:
+    """A part of an area."""
+    return next(region for region in area.regions if region.type == kind)
 
 
 def sidebar() -> tuple[Any, Any, Any]:
     """The window, its 3D viewport and the viewport's sidebar."""
-    window = bpy.context.window_manager.windows[0]
-    area = next(area for area in window.screen.areas if area.type == "VIEW_3D")
-    return window, area, next(region for region in area.regions if region.type == "UI")
+    window, area = viewport()
+    return window, area, region_of(area, "UI")
 
 
 def move(window: Any, x: int, y: int) -> None:
@@ -56,69 +86,182 @@ def photograph(name: str) -> None:
     subprocess.run(["import", "-window", "root", str(Path(JOB["shots"]) / f"{name}.png")], check=True)
 
 
-def operator_under_mouse(window: Any, area: Any, region: Any) -> str:
-    """What the button under the mouse would run, as Python; "" over anything else."""
+def shot(name: str) -> Iterator[float]:
+    """Let the window draw, and photograph it."""
+    yield DRAW
+    photograph(name)
+
+
+def under_mouse(window: Any, area: Any, region: Any, what: str) -> str:
+    """What the button under the mouse would run ("python_command") or change ("data_path"); "" over anything else."""
+    operator = getattr(bpy.ops.ui, f"copy_{what}_button")
     with bpy.context.temp_override(window=window, area=area, region=region):
-        if not bpy.ops.ui.copy_python_command_button.poll():
+        if not operator.poll():
             return ""
-        bpy.ops.ui.copy_python_command_button()
+        operator(**({"full_path": True} if what == "data_path" else {}))
     return str(bpy.context.window_manager.clipboard)
 
 
 def open_tab(name: str) -> Iterator[float]:
     """Click down the strip of tabs until the wanted one is open."""
-    window, area, region = sidebar()
+    window, area = viewport()
     area.spaces[0].show_region_ui = True
-    yield 2.0
+    yield 1.0
+    _, _, region = sidebar()
     for y in range(region.y + region.height - TAB_STEP, region.y, -TAB_STEP):
         click(window, region.x + region.width - 10, y)
-        yield DRAW
+        yield 0.1
         if region.active_panel_category == name:
             return
     raise LookupError(f"no tab {name!r} in the sidebar")
 
 
+def look(window: Any, area: Any, region: Any, y: int) -> Iterator[float]:
+    """Move to a height in the panel, and write down which operator's button is there."""
+    move(window, region.x + (region.width - 20) // 2, y)
+    yield MOVE
+    FOUND[y] = under_mouse(window, area, region, "python_command").removeprefix("bpy.ops.").split("(")[0]
+    HEIGHTS[FOUND[y]] = y
+
+
+def survey() -> Iterator[float]:
+    """Look where all buttons are, while the viewport is quickly drawn."""
+    window, area, region = sidebar()
+    for y in range(region.y + region.height - BUTTON_STEP, region.y, -BUTTON_STEP):
+        yield from look(window, area, region, y)
+
+
 def press_button(operator: str) -> Iterator[float]:
     """Move down the panel until the button of the operator is under the mouse, and click it."""
     window, area, region = sidebar()
-    x = region.x + (region.width - 20) // 2
-    for y in range(region.y + region.height - BUTTON_STEP, region.y, -BUTTON_STEP):
-        move(window, x, y)
-        yield DRAW
-        if operator_under_mouse(window, area, region).startswith(f"bpy.ops.{operator}("):
-            photograph("2-button")
-            click(window, x, y)
+    top = region.y + region.height - BUTTON_STEP
+    # Where it was last seen, then below that, for panels grow; then everywhere.
+    known = HEIGHTS.get(operator, region.y)
+    for y in (*range(known, region.y, -BUTTON_STEP), *range(top, region.y, -BUTTON_STEP)):
+        yield from look(window, area, region, y)
+        if FOUND[y] == operator:
+            click(window, region.x + (region.width - 20) // 2, y)
             yield DRAW
             return
     raise LookupError(f"no button of {operator} in the panel")
 
 
-def wait_for_bake(operator: str) -> Iterator[float]:
+def press(operator: str) -> Iterator[float]:
+    """Press a button, and wait while its operator runs."""
+    yield from press_button(operator)
+    yield from wait(operator)
+    # Away from the button: what was reported pops up under the mouse, takes a click, and goes when the mouse does.
+    window, area = viewport()
+    move(window, area.x + area.width // 3, area.y + area.height // 2)
+    yield 1.0
+    SEEN["mode"][operator] = bpy.context.scene.radiosity_view.mode
+    SEEN["shading"][operator] = area.spaces[0].shading.type
+
+
+def wait(operator: str) -> Iterator[float]:
     """Wait while the operator runs, with the window alive."""
-    window, _, _ = sidebar()
     verb = operator.split(".")[1]
-    end = time.monotonic() + LONGEST_BAKE
-    SEEN["ticks_while_baking"] = 0
-    while any(running.bl_idname.lower().endswith(f"_ot_{verb}") for running in window.modal_operators):
+    end, ticks = time.monotonic() + LONGEST, 0
+    while any(running.bl_idname.lower().endswith(f"_ot_{verb}") for running in viewport()[0].modal_operators):
         if time.monotonic() > end:
-            raise TimeoutError(f"{operator} still runs after {LONGEST_BAKE:g} s")
-        SEEN["ticks_while_baking"] += 1
-        if SEEN["ticks_while_baking"] == 2:
-            photograph("3-baking")
+            raise TimeoutError(f"{operator} still runs after {LONGEST:g} s")
+        ticks += 1
+        if ticks == 2:
+            yield from shot(f"{verb}-runs")
         yield 0.1
+    SEEN[f"ticks of {operator}"] = ticks
+
+
+def idle(seconds: float) -> Iterator[float]:
+    """Let the viewport draw."""
+    yield seconds
+
+
+def render_with(engine: str) -> Iterator[float]:
+    """Show the viewport rendered by an engine, as its shading button does; "" shows it solid."""
+    ENGINE.setdefault("own", bpy.context.scene.render.engine)
+    bpy.context.scene.render.engine = engine or ENGINE["own"]
+    viewport()[1].spaces[0].shading.type = "RENDERED" if engine else "SOLID"
+    yield DRAW
+
+
+def view_camera() -> Iterator[float]:
+    """Look through the scene's camera, without gizmos."""
+    space = viewport()[1].spaces[0]
+    space.region_3d.view_perspective, space.region_3d.view_camera_zoom = "CAMERA", 20
+    space.show_gizmo = False
+    yield DRAW
+
+
+def flip(name: str, path: str) -> Iterator[float]:
+    """Click a check box of an object in the properties editor, which takes the viewport's place for it."""
+    window, area = viewport()
+    item = bpy.data.objects[name]
+    bpy.context.view_layer.objects.active = item
+    area.type = "PROPERTIES"
+    yield 1.0
+    area.spaces[0].context = "OBJECT"
+    yield 1.0
+    region = region_of(area, "WINDOW")
+    wanted = f'bpy.data.objects["{name}"].{path}'
+    for y in range(region.y + region.height - BUTTON_STEP, region.y, -BUTTON_STEP):
+        x = region.x + region.width // 2
+        move(window, x, y)
+        yield MOVE
+        if under_mouse(window, area, region, "data_path") == wanted:
+            click(window, x, y)
+            yield from shot("object")
+            area.type = "VIEW_3D"
+            yield 1.0
+            return
+    raise LookupError(f"no check box of {wanted} in the properties")
+
+
+def mark(name: str, undoable: bool) -> Iterator[float]:
+    """Remember all that the file holds, and let undo come back to here if asked."""
+    if undoable:
+        bpy.ops.ed.undo_push(message=name)
+    bpy.context.view_layer.update()
+    MARKS[name] = load(JOB["fingerprint"]).fingerprint()
+    yield DRAW
+
+
+def compare(name: str, called: str) -> Iterator[float]:
+    """Write down how the file differs from what was remembered."""
+    bpy.context.view_layer.update()
+    fingerprints = load(JOB["fingerprint"])
+    SEEN["differences"][called] = fingerprints.differences(MARKS[name], fingerprints.fingerprint())
+    yield DRAW
+
+
+def undo(verb: str) -> Iterator[float]:
+    """Undo the last step, or "redo" it."""
+    window, area = viewport()
+    with bpy.context.temp_override(window=window, area=area, region=region_of(area, "WINDOW")):
+        getattr(bpy.ops.ed, verb)()
+    yield 1.0
+
+
+def save(path: str) -> Iterator[float]:
+    """Write a copy of the file as it is now."""
+    bpy.ops.wm.save_as_mainfile(filepath=path, copy=True)
+    yield DRAW
+
+
+VERBS = {step.__name__: step for step in (
+    view_camera, survey, shot, save, press, idle, render_with, flip, mark, compare, undo)}
 
 
 def steps() -> Iterator[float]:
     """The whole visit."""
     for name, value in JOB["settings"].items():
         setattr(bpy.context.scene.radiosity, name, value)
+    bpy.context.scene.cycles.preview_samples = 1
     yield from open_tab(JOB["tab"])
-    photograph("1-tab")
-    yield from press_button(JOB["operator"])
-    yield from wait_for_bake(JOB["operator"])
-    yield 1.0
-    photograph("4-done")
-    bpy.ops.wm.save_as_mainfile(filepath=JOB["save"])
+    for verb, *arguments in JOB["visit"]:
+        start = time.monotonic()
+        yield from VERBS[verb](*arguments)
+        print(f"drive: {verb} {' '.join(map(str, arguments))}: {time.monotonic() - start:.1f} s", flush=True)
 
 
 VISIT = steps()
