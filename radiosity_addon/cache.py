@@ -38,7 +38,7 @@ Float = NDArray[np.floating[Any]]
 SUFFIX = ".radiosity"
 ABOUT, LAYOUT, LAYERS = "groups.json", "layout.npz", "layers_{}.npy"
 # Changes with what the files hold: older ones are as good as none.
-FORMAT = "radiosity light groups 1"
+FORMAT = "radiosity light groups 2"
 
 
 @dataclass(frozen=True, eq=False)
@@ -219,7 +219,7 @@ def _kept(folder: Path, about: dict[str, Any]) -> Kept:
 
 def _stack(path: Path, scales: Sequence[float]) -> tuple[Layer, ...]:
     bits = np.load(path, mmap_mode="r")
-    if len(bits) != len(scales) or bits.dtype != np.uint16:
+    if len(bits) != len(scales) or bits.dtype != np.int16:
         raise ValueError(f"{path.name} does not fit the groups")
     return tuple(Layer(layer, scale) for layer, scale in zip(bits, scales, strict=True))
 

@@ -125,7 +125,8 @@ def _plain(value: Any) -> Any:
 def _mixed(kept: cache.Kept, factors: Float) -> Bake:
     """The bake with new pixels or colours."""
     quantity = kept.settings.quantity
-    totals = [shown(mix(stack, factors), quantity) for stack in kept.stacks]
+    # Vertex colours of single groups may be below zero; what is shown is not.
+    totals = [shown(np.maximum(mix(stack, factors), 0), quantity) for stack in kept.stacks]
     layers = {group.name: tuple(stack[number] for stack in kept.stacks) for number, group in enumerate(kept.groups)}
     groups = GroupLight(layers, {group.name: np.asarray(rgb, np.float32)
                                  for group, rgb in zip(kept.groups, factors, strict=True)})

@@ -39,7 +39,7 @@ CLOSE_ENOUGH = 1.1
 
 
 def gather_adaptively(transport: Transport, fans: Fans, plan: Plan, level: float, seed: int,
-                      neighbours: Neighbours | None, run: Run) -> tuple[Float, Float]:
+                      neighbours: Neighbours | None, run: Run) -> tuple[Float, Float, Float]:
     """Gather until the sampling error is about `plan.gather_error` of the mean light.
 
     Parameters
@@ -49,7 +49,8 @@ def gather_adaptively(transport: Transport, fans: Fans, plan: Plan, level: float
 
     Returns
     -------
-    (n, 3) float32 irradiance from sky and gathered emitters, and from reflected light, W/m2.
+    (n, 3) float32 irradiance from sky and gathered emitters, and from reflected light, W/m2; and (n, 3 g) what is
+    wanted of both of each light group.
     """
     def look(rows: Int, rays: int, number: int) -> Float:
         return np.concatenate(Gather(transport, rays, seed + 1000 * number).light(fans, rows, run), axis=1)
@@ -60,7 +61,8 @@ def gather_adaptively(transport: Transport, fans: Fans, plan: Plan, level: float
     rays = np.full(len(fans), half, np.int64)
     around = None if neighbours is None else neighbours.at(1)
     for number in range(MOST_ROUNDS + 1):
-        smoothed = looks if neighbours is None else smooth(looks[0], looks[1], fans.receivers, neighbours, run)
+        both = [all_columns[:, :6] for all_columns in looks]
+        smoothed = both if neighbours is None else smooth(both[0], both[1], fans.receivers, neighbours, run)
         value = (smoothed[0] + smoothed[1]) / 2
         variance = _pooled(smoothed[0] - smoothed[1], around)
         wanted = (plan.gather_error * (level + float((value[:, :3] + value[:, 3:]).mean()))) ** 2
@@ -72,7 +74,11 @@ def gather_adaptively(transport: Transport, fans: Fans, plan: Plan, level: float
                 found = look(rows, more, 10 * (number + 1) + 3 + which)
                 looks[which][rows] += (found - looks[which][rows]) * (more / (rays[rows] + more))[:, None]
             rays[rows] += more
-    return value[:, :3], value[:, 3:]
+    if looks[0].shape[1] > 6:
+        # The groups were no part of what was decided: they are filtered once, at the end.
+        smoothed = looks if neighbours is None else smooth(looks[0], looks[1], fans.receivers, neighbours, run)
+        value = (smoothed[0] + smoothed[1]) / 2
+    return value[:, :3], value[:, 3:6], value[:, 6:]
 
 
 def _groups(rays: Int, factor: Float) -> list[tuple[int, Int]]:

@@ -33,7 +33,7 @@ from .finish import finished
 from .footprints import ReceiverFootprints
 from .gather import Gather
 from .geometry import Geometry
-from .groups import GroupLight, LightGroup, in_groups
+from .groups import LightGroup
 from .importance import Importance, look_around
 from .lumels import lumels as lay_out
 from .neighbours import Neighbours
@@ -49,6 +49,7 @@ from .seams import Seams
 from .settings import Settings
 from .shells import Shells
 from .sources import light_sources
+from .split import Split, group_light, split_lights
 from .transport import Transport
 from .vertices import corner_receivers
 
@@ -81,20 +82,24 @@ class _Work:
     """A scene on its way through the steps above."""
 
     def __init__(self, scene: Scene, settings: Settings, progress: Progress | None,
-                 cancelled: Callable[[], bool] | None) -> None:
+                 cancelled: Callable[[], bool] | None, groups: Sequence[LightGroup] = ()) -> None:
         self.scene, self.settings = scene, settings
         self.run = Run(settings.thread_count, progress, cancelled)
         self.stages = Stages(self.run)
         self.warnings: list[dict[str, Any]] = []
         with self.stages("prepare"):
             self.geometry = Geometry(scene)
-            self.lights, self.sampled_emitter = light_sources(self.geometry)
+            self.split: Split | None = None
+            if groups:
+                self.lights, self.sampled_emitter, self.split = split_lights(self.geometry, groups, settings.passes)
+            else:
+                self.lights, self.sampled_emitter = light_sources(self.geometry)
             if not (self.lights or np.any(scene.emission) or not scene.sky.is_black):
                 raise NothingToBake("the scene has no light: add a lamp, an emissive material or a world colour")
             notice = self.geometry.visibility.notice
             if notice:
                 self.warnings.append({"object": "", "code": "slow_rays", "message": notice})
-            self.direct = DirectLight(self.geometry, self.lights, settings.seed)
+            self.direct = DirectLight(self.geometry, self.lights, settings.seed, self.split)
 
     def transport(self, receivers: Receivers, places: ReceiverFootprints) -> Transport:
         """Cells, patches, rows, solved, for what these receivers can see."""
@@ -131,6 +136,7 @@ class _Work:
                 self.linear = transport.solve(ROUGH)
         with self.stages("solve"):
             self.linear = transport.solve(TOLERANCE)
+            transport.solve_apart(TOLERANCE)
         refuse_singular(self.linear, self.scene)
         return transport
 
@@ -150,12 +156,14 @@ class _Work:
         places = ReceiverFootprints(self.geometry, receivers, self.settings.footprint, seed)
         self.transported = self.transport(receivers, places)
         with self.stages("gather"):
-            first, bounced = gather_adaptively(self.transported, self.fans, self.plan, self.lamps, seed, near, self.run)
+            first, bounced, apart = gather_adaptively(self.transported, self.fans, self.plan, self.lamps, seed, near,
+                                                      self.run)
         with self.stages("direct"):
             level = self.lamps + float(first.mean() + bounced.mean())
-            direct = first + self.direct.irradiance(places, self.run, level * self.plan.direct_error,
-                                                    PILOT if near else LONE_PILOT,
-                                                    neighbours=near.at(1) if near else None)
+            lit = self.direct.apart(places, self.run, level * self.plan.direct_error, PILOT if near else LONE_PILOT,
+                                    neighbours=near.at(1) if near else None)
+            direct = first + lit[:, :3]
+            self.apart = apart if self.settings.passes == "indirect" else apart + lit[:, 3:]
         with self.stages("audit"):
             self.error = self._audit(places, direct, bounced, near)
         return direct, bounced
@@ -200,7 +208,7 @@ def bake(scene: Scene, settings: Settings, progress: Progress | None = None,
     scene, settings : what to bake, and how well.
     progress : called with (stage, fraction), from worker threads too.
     cancelled : asked now and then whether to stop.
-    groups : lights to be kept apart; the result is the sum of them all, then.
+    groups : lights to be kept apart; the result is the same, and the groups add up to it.
 
     Returns
     -------
@@ -212,22 +220,21 @@ def bake(scene: Scene, settings: Settings, progress: Progress | None = None,
     NothingToBake, UnwrapError, SceneError, Cancelled
         See `solver.errors`.
     """
-    work = _Work(scene, settings, progress, cancelled)
+    work = _Work(scene, settings, progress, cancelled, groups)
     if settings.target == "vertex":
-        return _bake_vertices(work, groups)
+        return _bake_vertices(work)
     with work.stages("lumels"):
         lumels = lay_out(scene, settings, work.warnings, work.run.step)
         near = Neighbours(lumels)
     direct, bounced = work.light(lumels.receivers, near)
-    apart = _in_groups(work, groups, lumels.receivers, near)
     with work.stages("finish"):
         triangle = lumels.receivers.triangle
         albedo = work.geometry.reflectance(triangle, *lumels.receivers.barycentric.T)
         values = encode(_passes(direct, bounced, settings.passes), settings.quantity, albedo)
         seams = Seams(lumels, scene)
         images = finished(lumels, seams, values, settings)
-        layers = apart.encoded(settings.quantity, albedo, lambda light: finished(lumels, seams, light, settings))
-        images = layers.total(settings.quantity, images)
+        layers = group_light(work.split, work.apart, settings.quantity, albedo,
+                             lambda light: finished(lumels, seams, light, settings))
         placed = [(surface.name, int(page)) for surface, page in
                   zip(scene.surfaces, lumels.page_of_surface, strict=True)]
         lightmaps = tuple(Lightmap(page.name, pixels, tuple(name for name, place in placed if place == number))
@@ -236,31 +243,18 @@ def bake(scene: Scene, settings: Settings, progress: Progress | None = None,
                 patch_table(work.transported))
 
 
-def _bake_vertices(work: _Work, groups: Sequence[LightGroup]) -> Bake:
+def _bake_vertices(work: _Work) -> Bake:
     with work.stages("lumels"):
         receivers, fit = corner_receivers(work.scene, work.settings)
     direct, bounced = work.light(receivers)
-    apart = _in_groups(work, groups, receivers, None)
     with work.stages("finish"):
         albedo = work.geometry.reflectance(receivers.triangle, *receivers.barycentric.T)
         values = encode(_passes(direct, bounced, work.settings.passes), work.settings.quantity, albedo)
-        layers = apart.encoded(work.settings.quantity, albedo, fit)
-        colours = tuple(layers.total(work.settings.quantity, fit(values)))
+        colours = tuple(fit(values))
+        layers = group_light(work.split, work.apart, work.settings.quantity, albedo, lambda light: fit(light, values))
     nowhere = np.full(len(work.scene.surfaces), -1, np.int32)
     return Bake((), tuple(None for _ in work.scene.surfaces), nowhere, colours, _report(work, len(receivers)),
                 layers, patch_table(work.transported))
-
-
-def _in_groups(work: _Work, groups: Sequence[LightGroup], receivers: Receivers, near: Neighbours | None) -> GroupLight:
-    """The receivers' light of each group."""
-    def light(scene: Scene) -> Float:
-        only = _Work(scene, work.settings, None, work.run.cancelled)
-        return _passes(*only.light(receivers, near), work.settings.passes)
-
-    if not groups:
-        return GroupLight({}, {})
-    with work.stages("groups"):
-        return in_groups(work.scene, groups, light)
 
 
 def solve(scene: Scene, settings: Settings) -> Solution:

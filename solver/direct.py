@@ -29,6 +29,7 @@ from .many_lights import TELLING, Chooser, Looks, Wish, everybody
 from .parallel import Run
 from .sampling import kronecker, shifted, shifts
 from .shadow_sums import ShadowSums, doubtful, ratio
+from .split import Split
 from .visibility import SHORTEN
 
 Float = NDArray[np.floating[Any]]
@@ -53,6 +54,8 @@ COLUMNS = (3, 0, 2, 1)
 FEW_LAMPS = 4
 # A lamp that would give less than this part of all light at a point is drawn with a probability.
 SMALL_SHARE = 2e-3
+# A table is summed up anew where more than one row in this many gets light, else row by row.
+FEW_ROWS = 16
 # Receivers of a block that lamps are chosen for, at most; and of a region in which it is tried out which lamps can be
 # seen: with and without a wanted error.
 BLOCK, FINE_REGION, REGION = 64, 64, 512
@@ -66,10 +69,11 @@ class DirectLight:
     geometry : the surfaces.
     lights : lamps, already about `scene.origin`.
     seed : of the shifts.
+    split : the light groups that are kept apart, or None.
     """
 
-    def __init__(self, geometry: Geometry, lights: Sequence[Light], seed: int) -> None:
-        self.geometry, self.lights, self.seed = geometry, tuple(lights), seed
+    def __init__(self, geometry: Geometry, lights: Sequence[Light], seed: int, split: Split | None = None) -> None:
+        self.geometry, self.lights, self.seed, self.split = geometry, tuple(lights), seed, split
         self._colour = np.array([light.colour for light in self.lights], np.float32).reshape(-1, 3)
         self._brightness = self._colour.mean(axis=1)
         self._banks, self._bank, self._place = banks(self.lights)
@@ -77,7 +81,12 @@ class DirectLight:
 
     def irradiance(self, places: Footprints, run: Run, tolerance: float = 0.0, pilot: int = PILOT_RAYS,
                    small_share: float = SMALL_SHARE, neighbours: Int | None = None) -> Float:
-        """Direct irradiance of each footprint.
+        """Direct irradiance of each footprint, (n, 3) float32, W/m2; arguments as in `apart`."""
+        return self.apart(places, run, tolerance, pilot, small_share, neighbours)[:, :3]
+
+    def apart(self, places: Footprints, run: Run, tolerance: float = 0.0, pilot: int = PILOT_RAYS,
+              small_share: float = SMALL_SHARE, neighbours: Int | None = None) -> Float:
+        """Direct irradiance of each footprint, and after it that of every light group.
 
         Parameters
         ----------
@@ -89,9 +98,9 @@ class DirectLight:
 
         Returns
         -------
-        (n, 3) float32, W/m2.
+        (n, 3) float32, W/m2; with g groups (n, 3 + 3 g).
         """
-        total = np.zeros((len(places), 3), np.float32)
+        total = np.zeros((len(places), 3 if self.split is None else self.split.columns), np.float32)
         if not self.lights or not len(places):
             return total
         wish = Wish(tolerance, pilot, small_share)
@@ -151,6 +160,21 @@ class DirectLight:
         value = value * looks.factor
         for channel in range(3):
             total[:, channel] += np.bincount(looks.rows, value * self._colour[looks.lamp, channel], len(total))
+        if self.split is not None:
+            self._add_apart(total, looks, value, self.split)
+
+    def _add_apart(self, total: Float, looks: Looks, value: Float, split: Split) -> None:
+        """Add the same to the columns of the lamps' groups."""
+        group = split.lamp_group[looks.lamp]
+        for number in np.unique(group):
+            own = np.flatnonzero(group == number)
+            rows, light = looks.rows[own], value[own, None] * split.lamp_colour[looks.lamp[own]]
+            first = split.first_column(int(number))
+            if len(own) * FEW_ROWS < len(total):
+                np.add.at(total[:, first:first + 3], rows, light)
+                continue
+            for channel in range(3):
+                total[:, first + channel] += np.bincount(rows, light[:, channel], len(total))
 
     def _doubt(self, looks: Looks, sums: ShadowSums, count: int, neighbours: Int | None) -> NDArray[np.bool_]:
         """(n,) whether more rays could change what was found, lamp by lamp."""

@@ -9,7 +9,7 @@ afar.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
@@ -40,6 +40,28 @@ ROULETTE = np.float32(0.5)
 LATE_RAYS = 64
 
 
+@dataclass(frozen=True, eq=False)
+class Leg:
+    """One bounce of rays, kept so that every light group can follow it.
+
+    going : which rays (m,); None for all.
+    carried : (m, 3) reflectance so far; None for 1.
+    cell : (m,) rows of the cells that they met.
+    near, factor : which of these went on, and for how many each stands (k, 1).
+    missed, ended, sky : which rays then met the sky, the reflectance along them (j, 3), and the irradiance that each
+        stands for (j, 3) W/m2.
+    """
+
+    going: Int | None
+    carried: Float | None
+    cell: Int
+    near: Int
+    factor: Float
+    missed: Int
+    ended: Float
+    sky: Float
+
+
 @dataclass
 class _Rays:
     """The rays of a run of receivers, while they are followed."""
@@ -53,6 +75,7 @@ class _Rays:
     met: Met  # what they met last,
     carried: Float  # and the reflectance so far, (going, 3)
     value: Float  # (n * rays, 4) radiosity brought so far
+    trail: list[Leg] = field(default_factory=list)  # where it came from, if light groups are kept apart
 
 
 class Gather:
@@ -74,10 +97,10 @@ class Gather:
         self.transport.meet([piece.fresh for piece in pieces])
         return self.transport.cells.rows(np.concatenate([piece.sides for piece in pieces]))
 
-    def light(self, fans: Fans, rows: Int, run: Run) -> tuple[Float, Float]:
+    def light(self, fans: Fans, rows: Int, run: Run) -> tuple[Float, Float, Float]:
         """Irradiance from sky and gathered emitters, and from light that surfaces reflect, of receivers `rows`: (n, 3)
-        float32 each, W/m2."""
-        first, bounced = [], []
+        float32 each, W/m2; and what of both is wanted of each light group, (n, 3 g)."""
+        first, bounced, apart = [], [], []
         passes = slices(len(rows), max(1, PASS_RAYS // self.count))
         for number, part in enumerate(passes):
             pieces = self._map(run, lambda some: self._trace(fans, some), rows[part])
@@ -86,11 +109,12 @@ class Gather:
                 self.transport.late(LATE_RAYS)
                 step = _Step(self, bounce)
                 run.map(step.follow, pieces)
-            for emitted, reflected in run.map(self._collect, pieces):
+            for emitted, reflected, of_groups in run.map(self._collect, pieces):
                 first.append(emitted)
                 bounced.append(reflected)
+                apart.append(of_groups)
             run.report((number + 1) / len(passes))
-        return np.concatenate(first), np.concatenate(bounced)
+        return np.concatenate(first), np.concatenate(bounced), np.concatenate(apart)
 
     def _map(self, run: Run, work: Any, rows: Int) -> list[Any]:
         return run.map(lambda part: work(rows[part]), slices(len(rows), max(1, CHUNK_RAYS // self.count)))
@@ -110,19 +134,55 @@ class Gather:
         columns = [np.bincount(row, sky[:, axis], count) for axis in range(3)]
         return np.asarray(np.stack(columns, axis=1) / self.count, np.float32)
 
-    def _collect(self, rays: _Rays) -> tuple[Float, Float]:
-        """Irradiance from sky and gathered emitters, and from reflected light: (n, 3) each."""
-        if rays.lit is not None:
-            rays.value *= rays.lit[:, None]
-        total = mean_over_rays(rays.value, self.count)
+    def _collect(self, rays: _Rays) -> tuple[Float, Float, Float]:
+        """Irradiance from sky and gathered emitters, and from reflected light: (n, 3) each; of the groups (n, 3 g)."""
+        total = self._mean(rays.value, rays)
         emission = self.transport.emission()
+        split = self.transport.split
+        groups = range(len(split) if split is not None else 0)
+        apart = [self._of_group(rays, group) for group in groups]
+        columns = np.concatenate(apart, axis=1) if apart else np.empty((len(rays.rows), 0), np.float32)
         if emission is None:
-            return rays.sky, total
+            return rays.sky, total, columns
         seen = np.take(emission, self.transport.cells.rows(rays.sides), axis=0)
+        emitted = self._mean(seen, rays)
+        return rays.sky + emitted, total - emitted, columns
+
+    def _mean(self, values: Float, rays: _Rays) -> Float:
+        """(n, 3) mean over the rays of each receiver; changes the values."""
         if rays.lit is not None:
-            seen *= rays.lit[:, None]
-        emitted = mean_over_rays(seen, self.count)
-        return rays.sky + emitted, total - emitted
+            values *= rays.lit[:, None]
+        return mean_over_rays(values, self.count)
+
+    def _of_group(self, rays: _Rays, group: int) -> Float:
+        """(n, 3) what is wanted of a light group's irradiance."""
+        split = self.transport.split
+        assert split is not None
+        emission = self.transport.emission_of(group)
+        first = split.white(group, rays.sky) if group == split.sky_group else np.zeros_like(rays.sky)
+        if split.passes == "both":
+            return first + self._brought(rays, group)
+        emitted = np.zeros_like(first)
+        if emission is not None:
+            emitted = self._mean(np.take(emission, self.transport.cells.rows(rays.sides), axis=0), rays)
+        return first + emitted if split.passes == "direct" else self._brought(rays, group) - emitted
+
+    def _brought(self, rays: _Rays, group: int) -> Float:
+        """(n, 3) what the rays brought of a light group: the way of `_Step` again, with its light."""
+        transport, split = self.transport, self.transport.split
+        assert split is not None
+        table, direct = transport.table_of(group), transport.met.direct_of(group)
+        value = np.empty((0, 4), np.float32)
+        for leg in rays.trail:
+            brought = np.take(table, leg.cell, axis=0)
+            brought[leg.near, :3] += (direct[leg.cell[leg.near]] - brought[leg.near, :3]) * leg.factor
+            if leg.going is None or leg.carried is None:
+                value = brought
+            else:
+                value[leg.going, :3] += leg.carried * brought[:, :3]
+            if group == split.sky_group:
+                value[leg.missed, :3] += leg.ended * split.white(group, leg.sky)
+        return self._mean(value, rays)
 
 
 class _Step:
@@ -143,6 +203,7 @@ class _Step:
         reflectance = transport.cell_reflectance[here]
         # A ray that goes on brings the direct light from here, and leaves the rest to what it meets.
         brought[near, :3] += (transport.cell_direct[here] - brought[near, :3]) * factor
+        going, carried = (None, None) if self._bounce == 0 else (rays.going, rays.carried)
         if self._bounce == 0:
             rays.value, rays.carried = brought, reflectance * factor
         else:
@@ -150,6 +211,10 @@ class _Step:
             rays.carried = rays.carried[near] * reflectance * factor
         rays.going = rays.going[near]
         self._trace_on(rays, near)
+        if transport.split is not None:
+            missed = rays.met.missed
+            rays.trail.append(Leg(going, carried, cell, near, factor, rays.going[missed], rays.carried[missed],
+                                  rays.met.sky))
 
     def _go_on(self, rays: _Rays, near: Int) -> tuple[Int, Float]:
         """Which of the rays near to what they met go on, and for how many each stands (n, 1)."""

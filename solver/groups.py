@@ -7,17 +7,16 @@ The lightmap is the sum of the groups, each times its tint.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Sequence
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from .errors import SceneError
-from .lights import Light, LightSample
 from .quantities import encode
-from .scene import Scene, Sky
+from .scene import Scene
 
 Float = NDArray[np.floating[Any]]
 
@@ -46,51 +45,16 @@ class LightGroup:
     sky: bool = False
 
 
-@dataclass(frozen=True, eq=False)
-class Tinted:
-    """A lamp in another colour. Its light has one chromaticity, as every lamp's here has (see `Light.colour`)."""
-
-    lamp: Light
-    colour: Float
-
-    @property
-    def name(self) -> str:
-        """The lamp's."""
-        return self.lamp.name
-
-    @property
-    def _factor(self) -> Float:
-        """(3,) what the strongest channel of the lamp's own colour is multiplied by."""
-        return np.asarray(self.colour / max(float(np.max(self.lamp.colour)), 1e-30), np.float32)
-
-    @property
-    def _channel(self) -> int:
-        return int(np.argmax(self.lamp.colour))
-
-    def power(self) -> Float:
-        """(3,) float32: flux that leaves the lamp, W."""
-        return np.asarray(self.lamp.power()[self._channel] * self._factor)
-
-    def irradiance(self, points: Float, normals: Float) -> Float | None:
-        """Unoccluded irradiance (n, 3) float32, W/m2, or None."""
-        closed = self.lamp.irradiance(points, normals)
-        return None if closed is None else np.asarray(closed[:, self._channel, None] * self._factor)
-
-    def sample(self, points: Float, normals: Float, uv: Float) -> LightSample:
-        """The lamp's."""
-        return self.lamp.sample(points, normals, uv)
-
-    def translated(self, offset: Float) -> Tinted:
-        """The same lamp, moved by (3,) metres."""
-        return Tinted(self.lamp.translated(offset), self.colour)
-
-
 def tint(scene: Scene, group: LightGroup) -> Float:
     """(3,) float32, the brightest channel 1: what the group's white light is to be multiplied by.
 
-    White where its members differ in colour, and for a sky's map: their own colours are baked then.
+    White where it is baked in its own colours: where its members differ in colour, for a sky's map, and for emission
+    by a texture.
     """
     if group.sky and scene.sky.radiance.ndim > 1:
+        return WHITE
+    textured = np.asarray(scene.emission_texture) >= 0
+    if group.emission is not None and (textured & group.emission).any():
         return WHITE
     colours = [light.colour for light in (scene.lights[index] for index in group.lights)]
     if group.emission is not None:
@@ -106,18 +70,9 @@ def tint(scene: Scene, group: LightGroup) -> Float:
     return np.asarray(parts[np.argmax(found.sum(axis=1))], np.float32)
 
 
-def alone(scene: Scene, group: LightGroup) -> Scene:
-    """The scene with no light but the group's, in white (see `tint`)."""
-    colour = tint(scene, group)
-    mixed = bool((colour == 1).all())
-    white = (lambda value: value) if mixed else (lambda value: np.repeat(np.max(value, axis=-1, keepdims=True), 3, -1))
-    lights = tuple(light if mixed else Tinted(light, white(light.colour))
-                   for light in (scene.lights[index] for index in group.lights))
-    emission = np.zeros_like(scene.emission)
-    if group.emission is not None:
-        emission[group.emission] = white(np.asarray(scene.emission)[group.emission])
-    sky = Sky(white(scene.sky.radiance)) if group.sky else Sky()
-    return replace(scene, lights=lights, emission=emission, sky=sky)
+def is_own_colour(scene: Scene, group: LightGroup) -> bool:
+    """Whether a group is baked in its own colours (see `tint`); for white light it is the same."""
+    return bool((tint(scene, group) == 1).all())
 
 
 def check_groups(scene: Scene, groups: Sequence[LightGroup]) -> None:
@@ -160,53 +115,16 @@ def check_groups(scene: Scene, groups: Sequence[LightGroup]) -> None:
 class GroupLight:
     """What every group gives, under white light of the strength that it was baked with.
 
-    layers : by the group's name one value, or one array (..., 3) a page or object, None where nothing is baked.
+    layers : by the group's name one array (..., 3) a page or object, None where nothing is baked.
     tints : (3,) float32 by name; the sum of layers times tints is the whole.
     """
 
     layers: dict[str, Any]
     tints: dict[str, Float]
 
-    def encoded(self, quantity: str, reflectance: Float,
-                finish: Callable[[Float], Sequence[Float | None]]) -> GroupLight:
-        """From values (n, 3) of receivers to images or corner colours, by `finish`.
-
-        Illuminance mixes the channels, so it is kept as irradiance until `total`.
-        """
-        kept = KEPT_AS.get(quantity, quantity)
-        return GroupLight({name: tuple(finish(encode(values, kept, reflectance)))
-                           for name, values in self.layers.items()}, self.tints)
-
-    def total(self, quantity: str, whole: Sequence[Any]) -> list[Any]:
-        """The sum of the groups; `whole` if there are none."""
-        return mixed(list(self.layers.values()), list(self.tints.values()), quantity) if self.layers else list(whole)
-
-
-def mixed(layers: Sequence[Sequence[Float | None]], factors: Sequence[Float], quantity: str) -> list[Float | None]:
-    """The sum of groups, each an array (..., 3) or None for every page or object, times their factors (3,)."""
-    totals: list[Float | None] = []
-    for parts in zip(*layers, strict=True):
-        there = [part for part in parts if part is not None]
-        if not there:
-            totals.append(None)
-            continue
-        total = sum(np.asarray(part * factor, np.float32) for part, factor in zip(there, factors, strict=True))
-        totals.append(shown(np.asarray(total), quantity))
-    return totals
-
 
 def shown(light: Float, quantity: str) -> Float:
-    """What `GroupLight.encoded` keeps (..., 3), as the quantity that is asked for."""
+    """What `GroupLight` keeps (..., 3), as the quantity that is asked for."""
     if quantity not in KEPT_AS:
         return light
     return encode(light.reshape(-1, 3), quantity, np.ones(3, np.float32)).reshape(light.shape)
-
-
-def in_groups(scene: Scene, groups: Sequence[LightGroup], light: Callable[[Scene], Float]) -> GroupLight:
-    """Every group's light at the receivers, (n, 3) W/m2.
-
-    light : irradiance (n, 3) of a scene that is lit by one group alone.
-    """
-    check_groups(scene, groups)
-    return GroupLight({group.name: light(alone(scene, group)) for group in groups},
-                      {group.name: tint(scene, group) for group in groups})

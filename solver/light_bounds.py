@@ -17,7 +17,6 @@ from numpy.typing import NDArray
 
 from .area_lamp import Area
 from .blocks import Blocks
-from .groups import Tinted
 from .lamps import Point, Sun
 from .lights import Light
 from .luminaire import Luminaire
@@ -120,10 +119,6 @@ def _bounds(light: Light) -> tuple[Any, ...]:
     nowhere, any_way = np.zeros(3), (np.zeros(3), np.inf, True)
     if isinstance(light, Shadowless):
         return _bounds(light.lamp)
-    if isinstance(light, Tinted):
-        row = list(_bounds(light.lamp))
-        row[2] *= strength / max(float(np.mean(light.lamp.colour)), 1e-30)
-        return tuple(row)
     if isinstance(light, Luminaire) and light.is_dimmed:
         return *_bounds(light.lamp)[:-2], True, False
     if isinstance(light, SkyPatch):

@@ -34,8 +34,9 @@ class MetCells:
         self.geometry, self.cells = geometry, cells
         self._light, self._sampled_emitter = direct, sampled_emitter
         self._seed, self._run = seed, run
-        self._incident, self._emission, self._reflectance, self._direct, self._points, self._normals = (
-            Growing((3,)) for _ in range(6))
+        columns = 3 if direct.split is None else direct.split.columns
+        self._incident, self._direct = Growing((columns,)), Growing((columns,))
+        self._emission, self._reflectance, self._points, self._normals = (Growing((3,)) for _ in range(4))
         self._start, self._gap, self._triangle = Growing((8,)), Growing(), Growing((), np.int32)
 
     def __len__(self) -> int:
@@ -44,7 +45,7 @@ class MetCells:
     @property
     def incident(self) -> Float:
         """(n, 3) direct irradiance of lamps, W/m2."""
-        return self._incident.values
+        return self._incident.values[:, :3]
 
     @property
     def emission(self) -> Float:
@@ -59,7 +60,18 @@ class MetCells:
     @property
     def direct(self) -> Float:
         """(n, 3) radiosity that does not come from patches: rho E_direct + emission, W/m2."""
-        return self._direct.values
+        return self._direct.values[:, :3]
+
+    def direct_of(self, group: int) -> Float:
+        """(n, 3) the same of a light group."""
+        return self._direct.values[:, 3 * group + 3:3 * group + 6]
+
+    def emission_of(self, group: int) -> Float | None:
+        """(n, 3) radiant exitance of a light group that no lamp stands for, W/m2; None if there is none."""
+        split = self._light.split
+        assert split is not None
+        own = split.triangle_group[self._triangle.values] == group
+        return split.white(group, self.emission) * own[:, None] if self.emission[own].any() else None
 
     @property
     def start(self) -> Float:
@@ -79,11 +91,11 @@ class MetCells:
         if new.start < new.stop:
             places = SeenFootprints(self.geometry, self.cells, fresh)
             reflectance, emission = self._materials(places)
-            incident = self._light.irradiance(places, self._run, pilot=CELL_SAMPLES, small_share=CELL_SMALL_SHARE)
+            incident = self._light.apart(places, self._run, pilot=CELL_SAMPLES, small_share=CELL_SMALL_SHARE)
             self._incident.append(incident)
             self._emission.append(emission)
             self._reflectance.append(reflectance)
-            self._direct.append(reflectance * incident + emission)
+            self._direct.append(self._leaving(self.cells.side[new], reflectance, incident, emission))
             self._place(places)
         return new
 
@@ -95,6 +107,19 @@ class MetCells:
         x, y = (shifted(points[:, axis], move[:, axis]).reshape(-1) for axis in (0, 1))
         _, u, v, _ = self.cells.places(every, x, y)
         return self.meet([Seen(every, u, v)])
+
+    def _leaving(self, sides: NDArray[np.int64], reflectance: Float, incident: Float, emission: Float) -> Float:
+        """Radiosity that does not come from patches, of all light and of every group."""
+        split = self._light.split
+        if split is None:
+            return reflectance * incident + emission
+        out = np.tile(reflectance, split.columns // 3) * incident
+        out[:, :3] += emission
+        owner = split.triangle_group[self.cells.triangle_of(sides)]
+        for group in np.unique(owner[emission.any(axis=1)]):
+            own = owner == group
+            out[own, 3 * group + 3:3 * group + 6] += split.white(int(group), emission[own])
+        return out
 
     def _place(self, places: SeenFootprints) -> None:
         """Where a cell is seen first stands for it."""

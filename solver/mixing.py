@@ -22,32 +22,34 @@ DARKEST = 2.0**-14
 # that no factor overflows: an exponent of one sign and the other's.
 GIVEN_BACK = 100
 LEFT = 12
-MANTISSA_SHIFT = np.uint32(13)
+MANTISSA_SHIFT = np.int32(13)
+# The sign of a half float, moved along, leaves copies of itself where none belong.
+SIGN_AND_NUMBER = np.int32(-0x70000001)
 # Values that are mixed at once: they stay in the cache of one core.
-CHUNK = 3 * 2**13
+CHUNK = 3 * 2**14
 
 
 @dataclass(frozen=True, eq=False)
 class Layer:
     """Light of one group, under white light of the strength that it was baked with.
 
-    bits : (..., 3) uint16, half floats >= 0, without denormal ones.
+    bits : (..., 3) int16, the bits of half floats, without denormal ones.
     scale : the value is the half float times this.
     """
 
-    bits: NDArray[np.uint16]
+    bits: NDArray[np.int16]
     scale: float
 
     @classmethod
     def of(cls, values: Float) -> Layer:
-        """Keep values (..., 3); negative ones, which light has not, become zero."""
+        """Keep values (..., 3)."""
         values = np.asarray(values, np.float32)
-        scale = float(np.max(values, initial=0)) / BRIGHTEST
+        scale = float(np.max(np.abs(values), initial=0)) / BRIGHTEST
         if not scale > 0:
-            return cls(np.zeros(values.shape, np.uint16), 0.0)
+            return cls(np.zeros(values.shape, np.int16), 0.0)
         scaled = values / np.float32(scale)
-        half = np.where(scaled >= DARKEST, scaled, 0).astype(np.float16)
-        return cls(half.view(np.uint16), scale)
+        half = np.where(np.abs(scaled) >= DARKEST, scaled, 0).astype(np.float16)
+        return cls(half.view(np.int16), scale)
 
     def values(self) -> Float:
         """What is kept, (..., 3) float32."""
@@ -72,12 +74,13 @@ def mix(layers: Sequence[Layer], factors: ArrayLike) -> Float:
     shape = layers[0].bits.shape
     out = np.zeros(int(np.prod(shape)), np.float32)
     tiles = [np.tile((factor * 2.0**GIVEN_BACK).astype(np.float32), CHUNK // 3) for _, factor in lit]
-    whole, part = np.empty(CHUNK, np.uint32), np.empty(CHUNK, np.float32)
+    whole, part = np.empty(CHUNK, np.int32), np.empty(CHUNK, np.float32)
     for start in range(0, len(out), CHUNK):
         count = min(CHUNK, len(out) - start)
         total = out[start:start + count]
         for (bits, _), tile in zip(lit, tiles, strict=True):
-            np.left_shift(bits[start:start + count], MANTISSA_SHIFT, out=whole[:count], dtype=np.uint32)
+            np.left_shift(bits[start:start + count], MANTISSA_SHIFT, out=whole[:count], dtype=np.int32)
+            np.bitwise_and(whole[:count], SIGN_AND_NUMBER, out=whole[:count])
             np.multiply(whole[:count].view(np.float32), tile[:count], out=part[:count])
             total += part[:count]
         total *= np.float32(2.0**LEFT)

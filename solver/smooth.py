@@ -33,7 +33,8 @@ CHUNK = 2**16
 
 
 def smooth(first: Float, second: Float, receivers: Receivers, neighbours: Neighbours, run: Run) -> tuple[Float, Float]:
-    """Filter two independent looks at the same receivers, (n, 6) each: emitted and reflected light, RGB."""
+    """Filter two independent looks at the same receivers, (n, 6 ...) each: emitted and reflected light, RGB, and more
+    columns that are filtered with the weights that these give."""
     variance = _variance(first, second, neighbours)
     for step in STEPS:
         around = neighbours.at(step)
@@ -58,7 +59,7 @@ def _variance(first: Float, second: Float, neighbours: Neighbours) -> Float:
 
 
 def _light(look: Float) -> Float:
-    return look[:, :3] + look[:, 3:]
+    return look[:, :3] + look[:, 3:6]
 
 
 def _filter(job: tuple[slice, Float, Float, Receivers, Int, Float]) -> tuple[Float, Float, Float]:

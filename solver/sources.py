@@ -13,6 +13,7 @@ from .lights import Light
 from .mesh_emitter import group_emitters
 
 Float = NDArray[np.floating[Any]]
+Int = NDArray[np.int32]
 
 # Triangles that emit more than this many times the scene's mean exitance are lamps. Below it, gather rays find them
 # often enough, and a furnace, where everything emits alike, has no lamp at all.
@@ -21,14 +22,26 @@ LAMP_CONTRAST = 8.0
 
 def light_sources(geometry: Geometry) -> tuple[tuple[Light, ...], NDArray[np.bool_]]:
     """The scene's lamps about its origin, emissive triangles among them, and a mask (t,) of those triangles."""
+    lamps, is_lamp, _ = sources_by_kind(geometry, np.zeros(len(geometry.area), np.int32))
+    return lamps, is_lamp
+
+
+def sources_by_kind(geometry: Geometry, kinds: Int) -> tuple[tuple[Light, ...], NDArray[np.bool_], Int]:
+    """The same, where triangles of unlike kinds (t,) are never one lamp, and the kinds of lamps after the scene's."""
     scene = geometry.scene
     lamps = tuple(light.translated(-scene.origin) for light in scene.lights if np.any(light.colour))
     exitance = mean_exitance(geometry)
     brightness = exitance.mean(axis=1)
     total_area = float(geometry.area.sum())
     if not brightness.any():
-        return lamps, np.zeros(len(brightness), bool)
+        return lamps, np.zeros(len(brightness), bool), np.empty(0, np.int32)
     mean = float((brightness * geometry.area).sum() / max(total_area, 1e-30))
     is_lamp = (brightness > LAMP_CONTRAST * mean) & (geometry.area > 0)
     pieces = emission_pieces(geometry, np.flatnonzero(is_lamp), exitance)
-    return lamps + group_emitters(pieces.corners, pieces.exitance), is_lamp
+    found: list[int] = []
+    for kind in np.unique(kinds[pieces.triangle]):
+        own = kinds[pieces.triangle] == kind
+        emitters = group_emitters(pieces.corners[own], pieces.exitance[own])
+        lamps += emitters
+        found += [int(kind)] * len(emitters)
+    return lamps, is_lamp, np.array(found, np.int32)

@@ -5,7 +5,7 @@ Nothing here knows a lumel. Whoever has rays asks `light_from(hits)`: what met c
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import partial
 from typing import Any
@@ -70,11 +70,13 @@ class Transport:
     ----------
     met : what is known of the cells that rays have met.
     irradiance : (patches, 3) float32, indirect irradiance H of each patch with the sky's in it; nan where unsolved.
+    apart : (groups, patches, 3) float32, the same of each light group, after `solve_apart`.
     """
 
     # What `_unsettle` forgets.
     _settled: int
     _table: Growing
+    _tables: list[Growing]
     _extent: Float | None
 
     def __init__(self, geometry: Geometry, direct: DirectLight, sampled_emitter: NDArray[np.bool_], cells: Cells,
@@ -85,6 +87,8 @@ class Transport:
         self._cell_patch = Growing((), np.int32)
         self._hits = np.zeros(0)
         self.irradiance = np.empty((0, 3), np.float32)
+        self.split = direct.split
+        self.apart = np.empty((0 if self.split is None else len(self.split), 0, 3), np.float32)
         self.rows: list[Rows] = []
         # Patches below `_solved` were there at the last solve; `_unsolved` of them have cells and no row.
         self._solved, self._unsolved = 0, np.empty(0, np.int64)
@@ -123,6 +127,7 @@ class Transport:
         """New patches have no light yet."""
         more = len(self.patches) - len(self.irradiance)
         self.irradiance = np.concatenate([self.irradiance, np.full((more, 3), np.nan, np.float32)])
+        self.apart = np.concatenate([self.apart, np.full((len(self.apart), more, 3), np.nan, np.float32)], axis=1)
 
     def _extents(self) -> Float:
         """(patches,) float32: how wide each patch is, from the spread of its cells, metres.
@@ -167,9 +172,17 @@ class Transport:
             self._table.cut(fresh.start)
             leaving = self.cell_direct[fresh] + self.cell_reflectance[fresh] * np.nan_to_num(irradiance)
             self._table.append(padded(leaving, self._extent[patch]))
+            for group, table in enumerate(self._tables):
+                table.cut(fresh.start)
+                light = np.nan_to_num(self.apart[group, patch])
+                table.append(padded(self.met.direct_of(group)[fresh] + self.cell_reflectance[fresh] * light))
             unsolved = np.flatnonzero(np.isnan(irradiance[:, 0]))
             self._settled = fresh.start + int(unsolved[0]) if len(unsolved) else fresh.stop
         return self._table.values
+
+    def table_of(self, group: int) -> Float:
+        """(cells + 1, 4) float32: what of it is a light group's, as of the last call of `table`."""
+        return self._tables[group].values
 
     def leaving(self) -> Float:
         """(cells + 1, 3) float32: radiosity of every met side of a cell; the last row is nothing."""
@@ -178,7 +191,13 @@ class Transport:
     def _unsettle(self) -> None:
         """Forget what was derived from the patches and their light."""
         self._settled, self._table = 0, Growing((4,))
+        self._tables = [Growing((4,)) for _ in range(len(self.apart))]
         self._extent = None
+
+    def emission_of(self, group: int) -> Float | None:
+        """(cells + 1, 4): the part of `table_of` that is emitted; None if there is none."""
+        emission = self.met.emission_of(group)
+        return None if emission is None else padded(emission)
 
     def emission(self) -> Float | None:
         """(cells + 1, 4): the part of `table` that is emitted; None if all emitters are lamps."""
@@ -282,10 +301,24 @@ class Transport:
     def solve(self, tolerance: float) -> LinearResult:
         """Solve H = q + F (rho H) to a relative residual; patches without a row count as black until `late`."""
         count = len(self.patches)
-        source = np.zeros((count, 3), np.float32)
-        table = padded(self.cell_direct)
+        result = self._solved_for(self.cell_direct, Rows.mean_sky, tolerance)
+        solved = np.zeros(count, bool)
         for rows in self.rows:
-            source[rows.patch] = rows.mean_sky() + mean_of_hits(table, rows.hits, self._run)
+            solved[rows.patch] = True
+        self.irradiance = np.where(solved[:, None], result.value, np.nan).astype(np.float32)
+        lived_in = np.zeros(count, bool)
+        lived_in[self.cell_patch] = True
+        self._solved, self._unsolved = count, np.flatnonzero(lived_in & ~solved)
+        self._unsettle()
+        return result
+
+    def _solved_for(self, direct: Float, sky: Callable[[Rows], Float], tolerance: float) -> LinearResult:
+        """H of patches for the direct radiosity of cells (cells, 3) and the sky's irradiance of rows."""
+        count = len(self.patches)
+        source = np.zeros((count, 3), np.float32)
+        table = padded(direct)
+        for rows in self.rows:
+            source[rows.patch] = sky(rows) + mean_of_hits(table, rows.hits, self._run)
         reflectance = padded(self.cell_reflectance)
         patch = np.append(self.cell_patch, 0)
 
@@ -296,16 +329,22 @@ class Transport:
                 out[rows.patch] = mean_of_hits(reflected, rows.hits, self._run)
             return out
 
-        result = solve_linear(apply, source, tolerance, self._run.check)
-        solved = np.zeros(count, bool)
-        for rows in self.rows:
-            solved[rows.patch] = True
-        self.irradiance = np.where(solved[:, None], result.value, np.nan).astype(np.float32)
-        lived_in = np.zeros(count, bool)
-        lived_in[self.cell_patch] = True
-        self._solved, self._unsolved = count, np.flatnonzero(lived_in & ~solved)
+        return solve_linear(apply, source, tolerance, self._run.check)
+
+    def solve_apart(self, tolerance: float) -> None:
+        """Solve for each light group, after the last `solve`, to the same relative residual of its own."""
+        if self.split is None:
+            return
+        solved = ~np.isnan(self.irradiance)
+        for group in range(len(self.split)):
+            value = self._solved_for(self.met.direct_of(group), partial(self._sky, group=group), tolerance).value
+            self.apart[group] = np.where(solved, value, np.nan)
         self._unsettle()
-        return result
+
+    def _sky(self, rows: Rows, group: int) -> Float:
+        """(p, 3) irradiance of rows from the sky, if it belongs to a light group."""
+        assert self.split is not None
+        return self.split.white(group, rows.mean_sky()) * np.float32(group == self.split.sky_group)
 
     def late(self, rays: int) -> None:
         """Give patches that were met after the solve their light: one gather each from what is solved."""
@@ -322,3 +361,7 @@ class Transport:
             part = np.maximum(known.reshape(shape).mean(axis=1), 1 / shape[1])
             straight = (met * self.cell_direct[seen]).reshape(shape).mean(axis=1)
             self.irradiance[rows.patch] = rows.mean_sky() + straight + reflected / part
+            for group, light in enumerate(self.apart):
+                indirect = met * self.cell_reflectance[seen] * np.nan_to_num(light[self.cell_patch[seen]])
+                straight = (met * self.met.direct_of(group)[seen]).reshape(shape).mean(axis=1)
+                light[rows.patch] = self._sky(rows, group) + straight + indirect.reshape(shape).mean(axis=1) / part

@@ -6,9 +6,8 @@ least squares over the surface does not (Kavan, Bargteil & Sloan, Least Squares 
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -23,7 +22,15 @@ from .settings import Settings
 
 Float = NDArray[np.floating[Any]]
 Int = NDArray[np.integer[Any]]
-Fit = Callable[[Float], list[Float | None]]
+
+
+class Fit(Protocol):
+    """From values (n, 3) at the receivers to colours of the corners."""
+
+    def __call__(self, values: Float, whole: Float | None = None) -> list[Float | None]:
+        """See `_Fitter.fit`."""
+        ...
+
 
 # Corners that meet share a colour if their normals turn by less: cosine of 30 degrees.
 CREASE_COSINE = float(np.cos(np.radians(30)))
@@ -133,22 +140,37 @@ class _Fitter:
         self.colour_of = _nearest_lit(self.node, place_of, diagonal > 0)
         self.inverse_diagonal = np.where(diagonal > 0, 1 / np.where(diagonal > 0, diagonal, 1), 0)[:, None]
 
-    def fit(self, values: Float) -> list[Float | None]:
-        """From (n, 3) values at the samples to (count, 3, 3) float32 of each object."""
+    def fit(self, values: Float, whole: Float | None = None) -> list[Float | None]:
+        """From (n, 3) values at the samples to (count, 3, 3) float32 of each object.
+
+        whole : if the values are a part of these, corners are held at zero where these would be, and parts may be
+            below zero: so they add up to the whole.
+        """
+        if whole is None:
+            return self._by_object(np.maximum(self._fitted(values)[0], 0))
+        return self._by_object(self._fitted(values, self._fitted(whole)[1])[0])
+
+    def _fitted(self, values: Float, free: NDArray[np.bool_] | None = None) -> tuple[Float, NDArray[np.bool_]]:
+        """Colours of the nodes (nodes, 3), and which are not held at zero; found out if it is not given."""
         values = np.asarray(values, np.float64)
         load = np.stack([[self._per_triangle(self.basis[:, c] * values[:, k]) for k in range(3)] for c in range(3)])
         right = self._scatter(self.node, load.transpose(2, 0, 1))
         weight = self._scatter(self.node, np.repeat(np.einsum("tcd->tc", self.mass)[:, :, None], 3, axis=2))
         # The mean of the light near each corner: the start, and the answer where samples say no more.
-        start = np.where(weight > 0, right / np.where(weight > 0, weight, 1), 0)
-        free = np.ones_like(start, bool)
+        start: Float = np.where(weight > 0, right / np.where(weight > 0, weight, 1), 0)
+        if free is not None:
+            return self._solve(start * free, right, free), free
+        free = np.ones(start.shape, bool)
         x = start
         for _ in range(CLIPPINGS):
             x = self._solve(x * free, right, free)
             if (x >= 0).all():
                 break
             free &= x >= 0  # held at zero, and the others fitted again: cutting alone would add light
-        colours = np.maximum(x, 0)[self.colour_of].astype(np.float32)
+        return x, free
+
+    def _by_object(self, nodes: Float) -> list[Float | None]:
+        colours = nodes[self.colour_of].astype(np.float32)
         result: list[Float | None] = [None] * self.surface_count
         for index, part in zip(self.chosen, np.split(colours, np.cumsum(self.counts)[:-1]), strict=True):
             result[index] = part
