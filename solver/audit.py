@@ -77,24 +77,33 @@ class ErrorBar:
 
 
 def error_bar(baked: Float, groups: Float) -> ErrorBar:
-    """Compare baked values (k, 3) with independent estimates (k, groups, 3); unlit ones do not count."""
-    lit = groups.any(axis=(1, 2))
+    """Compare baked values (k, 3) with independent estimates (k, groups, 3).
+
+    Receivers count that are lit in either: those that the audit's few paths found lit would be the ones that it found
+    too bright.
+    """
+    lit = groups.any(axis=(1, 2)) | baked.any(axis=1)
     baked, groups = baked[lit], groups[lit]
-    mean = groups.mean(axis=1) if len(groups) else np.zeros((1, 3))
-    level = float(mean.mean())
-    if level <= 0:
-        return ErrorBar(0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, len(baked))
+    if not len(baked):
+        return ErrorBar(0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0)
+    mean = groups.mean(axis=1)
+    # Where the audit finds no light at all, what the bake found is what it is off by.
+    level = float(mean.mean()) or float(baked.mean())
     noise = groups.var(axis=1, ddof=1) / groups.shape[1]
+    level_noise = float(np.sqrt(noise.mean(axis=1).sum())) / len(baked) / level
     deviation = baked - mean
-    # As against a renderer: the largest deviations, one in a thousand and at least one, are left out.
-    kept = np.argsort(np.square(deviation).sum(axis=1), kind="stable")[: len(baked) - -(-len(baked) // 1000)]
+    # As against a renderer: the largest deviations, one in a thousand and at least one, are left out; the largest
+    # beyond the audit's own noise, lest its brightest paths are left out and the others taken for the truth.
+    excess = (deviation**2 - noise).sum(axis=1)
+    kept = np.argsort(excess, kind="stable")[: len(baked) - -(-len(baked) // 1000)]
     if len(kept) > 1:
         deviation, noise = deviation[kept], noise[kept]
     squares = (deviation**2 - noise).mean(axis=1)
-    square = float(squares.mean())
+    square = max(float(squares.mean()), 0.0)
     doubt = INTERVAL * float(squares.std(ddof=1)) / np.sqrt(len(squares)) if len(squares) > 1 else 0.0
+    doubt = float(np.hypot(doubt, 2 * square * INTERVAL * level_noise))
     low, high = (float(np.sqrt(max(square + sign * doubt, 0.0))) / level for sign in (-1, 1))
-    rms = np.sqrt(max(square, 0.0)) / level
+    rms = np.sqrt(square) / level
     seen = np.sqrt(float((deviation**2).mean())) / level
     shrink = rms / seen if seen > 0 else 0.0
     size = np.abs(deviation).max(axis=1) / level
