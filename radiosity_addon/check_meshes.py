@@ -7,15 +7,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ..solver.layout import world_areas
 from ..solver.mesh_faults import find_faults, inward
 from ..solver.scene import Scene
+from .giants import giants
 from .warn import Warnings, warn
 
 Float = NDArray[np.floating[Any]]
 
-# A surface is giant if it is so many times as wide as all others together, and has this part of all area.
-GIANT_EXTENT, GIANT_AREA = 4.0, 0.5
 # Faults of fewer faces than this part of a mesh are not worth a line.
 WORTH = 1e-3
 
@@ -58,24 +56,8 @@ def check_meshes(scene: Scene, places: dict[str, Float], warnings: Warnings) -> 
 
 
 def _giants(scene: Scene, warnings: Warnings) -> None:
-    """Plates that dwarf all else: they take the lumels of what matters."""
-    areas = world_areas(scene)
-    whole = [(item, float(areas[item.triangles].sum())) for item in scene.surfaces if item.count and item.receives]
-    if len(whole) < 2:
-        return
-    boxes = [_box(scene, item) for item, _ in whole]
-    total = sum(area for _, area in whole)
-    for number, (item, area) in enumerate(whole):
-        others = np.array(boxes[:number] + boxes[number + 1:])
-        extent = float(np.ptp(boxes[number], axis=0).max())
-        rest = float((others[:, 1].max(axis=0) - others[:, 0].min(axis=0)).max())
-        part = area * item.density**2 / max(total, 1e-300)
-        if extent > GIANT_EXTENT * rest and part > GIANT_AREA:
-            warn(warnings, item.name, "giant", f"is {extent:.4g} m wide, {extent / max(rest, 1e-9):.0f} times all "
-                 f"else, and takes {part:.0%} of the lumels: exclude it, lower its density factor (object properties > "
-                 "Radiosity Lightmaps), or cut off what nobody sees")
-
-
-def _box(scene: Scene, item: Any) -> Float:
-    corners = scene.vertices[scene.triangles[item.triangles]]
-    return np.stack([corners.min(axis=(0, 1)), corners.max(axis=(0, 1))])
+    """Plates that dwarf all else by the user's own word; the others were told of when they got their fair share."""
+    for giant in giants(scene):
+        warn(warnings, scene.surfaces[giant.index].name, "giant", f"is {giant.extent:.4g} m wide, {giant.times:.0f} "
+             f"times all else, and takes {giant.share:.0%} of the lumels: exclude it, lower its density factor (object "
+             "properties > Radiosity Lightmaps), or cut off what nobody sees")

@@ -8,6 +8,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Generator
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -20,6 +21,7 @@ from ..solver.settings import Settings
 from . import cycles, preview
 from .assembly import Assembly
 from .binding import Binding
+from .giants import with_fair_shares
 from .lamp_nodes import Emissions, read_emissions
 from .lights import export_lights, lamp_data
 from .receiving import choose_receivers
@@ -63,16 +65,35 @@ def export_scene(scene: Any, view_layer: Any, settings: Settings, warnings: Warn
     SceneError, SettingsError, NothingToBake
         With the object, the value and the next step.
     """
+    parts = export_parts(scene, view_layer, settings, warnings, convert)
+    while True:
+        try:
+            next(parts)
+        except StopIteration as end:
+            exported: Exported = end.value
+            return exported
+
+
+def export_parts(scene: Any, view_layer: Any, settings: Settings, warnings: Warnings,
+                 convert: bool = False) -> Generator[None, None, Exported]:
+    """`export_scene` in parts: a window can draw and answer between them, and nobody may change the scene."""
     settings = per_blender_unit(settings, scene, warnings)
     # A view of an older bake would be read as light of its own.
     with preview.suspended():
         sky, suns = read_world(scene.world, warnings)
+    yield
+    with preview.suspended():
         emissions = read_emissions(lamp_data(scene), warnings)
+    yield
+    with preview.suspended():
         assembly, bindings, lamps = cycles.with_render_depsgraph(
             scene, view_layer, lambda depsgraph: _collect(depsgraph, settings, emissions, warnings, convert))
+    yield
+    with preview.suspended():
         # Only now: Cycles can't bake materials while the dependency graph is handed out, which is a render.
         assembly.materials.evaluate(scene.frame_current)
-    return _lit(assembly, bindings, (*lamps, *suns), sky, settings)
+    yield
+    return _lit(assembly, bindings, (*lamps, *suns), sky, settings, warnings)
 
 
 def _collect(depsgraph: Any, settings: Settings, emissions: Emissions, warnings: Warnings,
@@ -88,8 +109,8 @@ def _collect(depsgraph: Any, settings: Settings, emissions: Emissions, warnings:
 
 
 def _lit(assembly: Assembly, bindings: tuple[Binding, ...], lights: tuple[Light, ...], sky: Sky,
-         settings: Settings) -> Exported:
-    made = assembly.scene(lights, sky)
+         settings: Settings, warnings: Warnings) -> Exported:
+    made = with_fair_shares(assembly.scene(lights, sky), settings, warnings)
     if not any(surface.receives for surface in made.surfaces):
         raise NothingToBake("no object that is to be baked has an opaque face with an area")
     if not made.lights and made.sky.is_black and not np.asarray(made.emission).any():

@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 from radiosity import operators
 from radiosity.radiosity_addon.check import check, find
+from radiosity.radiosity_addon.export import export_scene
 from radiosity.radiosity_addon.request import Request
 from radiosity.solver.errors import NothingToBake, SceneError
 from radiosity.solver.settings import Settings
@@ -148,6 +149,30 @@ def test_a_plate_that_dwarfs_all_else_is_told(stage):
         plate.scale = (2, 2, 1)
 
     fires_and_not("Plate", "giant", mend)
+
+
+def test_a_plate_that_dwarfs_all_else_gets_half_of_the_lumels_unless_the_user_says_more(stage):
+    # A square of 1 m2 beside a plate of 10^6 m2. Exact: at a thousandth of the density both take as many lumels; with a
+    # density in pixels per metre, or a factor of the user's, the plate takes what was asked for, and check says so.
+    plate = stage.mesh("Plate")
+    plate.scale, plate.location.z = (1000, 1000, 1), -1
+    layer = bpy.context.view_layer
+
+    def shares(**settings):
+        warnings = []
+        layer.update()
+        exported = export_scene(bpy.context.scene, layer, Settings(**settings), warnings)
+        told = [entry for entry in warnings if entry["code"] == "giant"]
+        return {item.name: item.density for item in exported.scene.surfaces}, told
+
+    densities, told = shares()
+    assert densities["Square"] == 1
+    assert densities["Plate"] == pytest.approx(1e-3, rel=1e-4)
+    assert "1e+03 times as wide" in told[0]["message"]
+    assert shares(texel_density=2.0) == ({"Square": 1, "Plate": 1}, [])
+    plate.radiosity.density = 0.5
+    assert shares() == ({"Square": 1, "Plate": 0.5}, [])
+    fires_and_not("Plate", "giant", lambda: setattr(plate, "scale", (2, 2, 1)))
 
 
 @pytest.mark.parametrize(("kind", "size"), [("POINT", "shadow_soft_size"), ("SPOT", "shadow_soft_size"),
