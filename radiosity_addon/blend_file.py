@@ -20,7 +20,8 @@ def open_blend(path: Path) -> None:
         If Blender can't read it.
     """
     if not path.is_file():
-        raise SettingsError(f"{path} does not exist: give the path of a .blend file")
+        wrong = "is no file" if path.exists() else "does not exist"
+        raise SettingsError(f"{path} {wrong}: give the path of a .blend file")
     try:
         bpy.ops.wm.open_mainfile(filepath=str(path), load_ui=False, use_scripts=False)
     except RuntimeError as cause:

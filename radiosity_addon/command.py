@@ -138,14 +138,14 @@ def request_of(arguments: argparse.Namespace, scene: Any, blend: str) -> Any:
     SettingsError
         On a value that makes no sense, or if there is no folder to write to.
     """
-    from .request import Request, folder_beside
+    from .request import Request, folder_beside, not_own
     from .settings import settings_of
 
     given = vars(arguments)
     settings = settings_of(scene, {name: given[name] for name in WORDS if name in given})
     output = given.get("output") or folder_beside(
         blend, scene.radiosity.output, advice="give a folder with --output, or save it first")
-    save = given.get("save")
+    save = not_own(given.get("save"), blend)
     return Request(settings, output, given.get("report"), save, given.get("pack", scene.radiosity.pack),
                    given.get("apply_modifiers", scene.radiosity.apply_modifiers or save is not None),
                    given.get("groups", scene.radiosity.groups),

@@ -10,7 +10,7 @@ import bpy
 
 from ..solver.errors import RadiosityError
 from . import cache
-from .request import Request, folder_beside
+from .request import Request, folder_beside, not_own
 from .settings import ADVICE
 
 
@@ -26,7 +26,8 @@ def relight_request(scene: Any, options: Namespace) -> Request:
     pack, output = given.get("pack", kept.pack), given.get("output")
     if output is None and not pack and (kept.target == "lightmap" or bpy.data.filepath):
         output = folder_beside(bpy.data.filepath, kept.output, advice=ADVICE)
-    return Request(output=output, report=given.get("report"), save=given.get("save"), pack=pack,
+    save = not_own(given.get("save"), bpy.data.filepath)
+    return Request(output=output, report=given.get("report"), save=save, pack=pack,
                    apply_modifiers=given.get("apply_modifiers", kept.apply_modifiers),
                    group_layers=given.get("group_layers", kept.group_layers))
 

@@ -83,6 +83,19 @@ def folder_beside(blend: str, folder: str = "", *, advice: str) -> Path:
     return Path(blend).absolute().parent / (folder.removeprefix("//") or DEFAULT_FOLDER)
 
 
+def not_own(save: Path | None, blend: str) -> Path | None:
+    """The path to save at, which must not be the open .blend's.
+
+    Raises
+    ------
+    SettingsError
+        If it is: the scene's own file is never changed.
+    """
+    if save is not None and blend and save.resolve() == Path(blend).resolve():
+        raise SettingsError(f"--save {save} is the scene's own file, which a bake never changes: give another name")
+    return save
+
+
 def remove_empty(folders: Iterable[Path]) -> None:
     """Take folders away again that nothing was written to, the last made first."""
     for folder in reversed(list(folders)):

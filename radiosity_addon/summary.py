@@ -19,8 +19,9 @@ def print_warnings(warnings: Iterable[dict[str, Any]]) -> None:
 
 def one_line(report: dict[str, Any]) -> str:
     """How much was baked, how well, how fast."""
-    estimated = report["error"]["estimated"]["rms"]
-    within = f", error {estimated:.2%}" if estimated is not None else ""
+    estimated = report["error"]["estimated"]
+    within = "" if estimated["rms"] is None else (
+        f", error {estimated['rms']:.2%} ({estimated['rms_low']:.2%} to {estimated['rms_high']:.2%})")
     return f"{report['lumels']} lumels of {len(report['outputs'])} objects in {clock(report['seconds'])}{within}"
 
 

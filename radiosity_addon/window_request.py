@@ -11,7 +11,7 @@ from ..solver.errors import NothingToBake
 from ..solver.settings import Settings
 from .command import WORDS
 from .object_settings import is_excluded
-from .request import Request, folder_beside
+from .request import Request, folder_beside, not_own
 from .settings import ADVICE, settings_of
 
 
@@ -54,7 +54,7 @@ def request_in(context: Any, options: Namespace) -> Request:
     pack, output = given.get("pack", kept.pack), given.get("output")
     if output is None and not pack and (settings.target == "lightmap" or bpy.data.filepath):
         output = folder_beside(bpy.data.filepath, kept.output, advice=ADVICE)
-    save = given.get("save")
+    save = not_own(given.get("save"), bpy.data.filepath)
     return Request(settings, output, given.get("report"), save, pack,
                    given.get("apply_modifiers", kept.apply_modifiers or save is not None),
                    given.get("groups", kept.groups), given.get("group_layers", kept.group_layers))

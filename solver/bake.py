@@ -35,6 +35,7 @@ from .gather import Gather
 from .geometry import Geometry
 from .groups import LightGroup
 from .importance import Importance, look_around
+from .layout import Layout
 from .lumels import lumels as lay_out
 from .neighbours import Neighbours
 from .parallel import Run
@@ -200,7 +201,8 @@ class _Work:
 
 
 def bake(scene: Scene, settings: Settings, progress: Progress | None = None,
-         cancelled: Callable[[], bool] | None = None, groups: Sequence[LightGroup] = ()) -> Bake:
+         cancelled: Callable[[], bool] | None = None, groups: Sequence[LightGroup] = (),
+         layout: Layout | None = None) -> Bake:
     """Bake a scene: the whole way of the light.
 
     Parameters
@@ -209,6 +211,7 @@ def bake(scene: Scene, settings: Settings, progress: Progress | None = None,
     progress : called with (stage, fraction), from worker threads too.
     cancelled : asked now and then whether to stop.
     groups : lights to be kept apart; the result is the same, and the groups add up to it.
+    layout : where the light goes, from `make_layout` for these settings; None makes it.
 
     Returns
     -------
@@ -224,7 +227,7 @@ def bake(scene: Scene, settings: Settings, progress: Progress | None = None,
     if settings.target == "vertex":
         return _bake_vertices(work)
     with work.stages("lumels"):
-        lumels = lay_out(scene, settings, work.warnings, work.run.step)
+        lumels = lay_out(scene, settings, work.warnings, work.run.step, layout)
         near = Neighbours(lumels)
     direct, bounced = work.light(lumels.receivers, near)
     with work.stages("finish"):

@@ -32,7 +32,8 @@ OUTSIDE_TOLERANCE = 1e-4
 UV_WELD = 2.0**-16
 
 
-def lumels(scene: Scene, settings: Settings, warnings: Warnings, progress: Any = None) -> Lumels:
+def lumels(scene: Scene, settings: Settings, warnings: Warnings, progress: Any = None,
+           layout: Layout | None = None) -> Lumels:
     """Lay out all receiving objects and list the lumels.
 
     Parameters
@@ -41,6 +42,7 @@ def lumels(scene: Scene, settings: Settings, warnings: Warnings, progress: Any =
     warnings : a list that gets a dict {object, code, message} for each thing the user should know: `uv_overlap`,
         `uv_outside`, `uv_stretch`, `uv_density`, `uv_no_area`, `zero_area`, `no_lumels`.
     progress : callable(fraction) or None; what it raises (`Cancelled`) ends the work.
+    layout : from `make_layout`, where it is made already; its warnings were told then.
 
     Raises
     ------
@@ -49,7 +51,7 @@ def lumels(scene: Scene, settings: Settings, warnings: Warnings, progress: Any =
     UnwrapError
         If no layout can be made.
     """
-    layout = make_layout(scene, settings, warnings, progress)
+    layout = layout or make_layout(scene, settings, warnings, progress)
     warn_of_distortion(scene, settings, warnings)
     flat = flat_triangles(scene)
     corners, members = _by_page(scene, layout)

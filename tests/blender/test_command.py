@@ -159,6 +159,8 @@ def spoil(build: Any, what: str, folder: Path) -> tuple[Any, ...]:
     if what == "no folder":
         (folder / "taken").write_text("a file where a folder is wanted")
         return ("--output", folder / "taken")
+    if what == "own file":
+        return ("--save", folder / "scene.blend")
     return {"no map": ("--uv-layer", "Mine"), "no object": ("--only", "Sqare")}.get(what, ())
 
 
@@ -168,6 +170,7 @@ def spoil(build: Any, what: str, folder: Path) -> tuple[Any, ...]:
     ("not finite", 1, "object 'Square': vertex 1 is at (1, 0, nan)"),
     ("no texture", 1, "material 'Brick': image 'brick.png' is missing at /nowhere/brick.png: restore the file"),
     ("no folder", 1, "can't be written to"),
+    ("own file", 2, "is the scene's own file, which a bake never changes: give another name"),
     ("no map", 2, "object 'Square' has no UV map 'Mine' (it has none): add it"),
     ("no object", 2, "only names 'Sqare', which the scene does not have: did you mean 'Square'?"),
 ])
@@ -186,6 +189,7 @@ def test_bad_input_is_told_in_one_line(build, tmp_path, what, code, line):
 @pytest.mark.parametrize(("arguments", "line"), [
     (("bake", "scene.blend", "--error", "much"), "argument --error: invalid float value: 'much'"),
     (("bake", "scene.blend", "--error", ".1", "--preset", "high"), "not allowed with argument --error"),
+    (("bake", "."), "is no file: give the path of a .blend file"),
     (("bake", "nowhere.blend"), "nowhere.blend does not exist: give the path of a .blend file"),
     ((), "the following arguments are required: COMMAND"),
 ])
