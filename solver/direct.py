@@ -45,8 +45,9 @@ MOST_RAYS = 4096
 QMC_RATE = 0.75
 # Rays over those before where none of these was above both horizons, though part of the lamp is.
 LOST_FACTOR = 16
-# Places of a footprint at which the closed form is asked for.
-CLOSED_SAMPLES = 16
+# Places of a footprint at which the closed form is asked for: at first, and where it varies between those, as beside
+# a lamp's edge.
+CLOSED_SAMPLES, MORE_CLOSED = 16, 256
 # Which dimensions of the point set serve footprint x, y and lamp u, v: in the natural order a shadow edge along both
 # x and u resonates (RMS .028 of the visible part at 1,024 rays, against .0055 in this one).
 COLUMNS = (3, 0, 2, 1)
@@ -141,21 +142,25 @@ class DirectLight:
         # What is alike is worked on together: the same bank, number of rays, and with a closed form or without.
         order, _ = _runs((self._bank[looks.lamp] << 16 | looks.rays) * 2 + looks.closed)
         looks = looks.take(order)
-        sums = self._sums(looks, places, np.zeros(len(looks), np.int64), looks.rays, run)
+        sums = self._sums(looks, places, np.zeros(len(looks), np.int64), looks.rays, looks.closed, run)
         value, spread = ratio(sums, looks.rays)
         # A lamp of which the rays met only what lies below the horizon gives something all the same.
         wanted = np.where((sums.tried == 0) & (sums.closed > 0), LOST_FACTOR * looks.rays, 0.0)
+        ask = np.zeros(len(looks), bool)
         if wish.tolerance > 0:
             doubt = self._doubt(looks, sums, len(total), neighbours)
             sigma = np.where(doubt, np.maximum(spread, sums.level * 0.25), 0) * (
                 self._brightness[looks.lamp] * looks.factor)
             wanted = np.maximum(wanted, np.where(sigma > 0, (sigma / wish.tolerance) ** (1 / QMC_RATE), 0))
+            varied = sums.varied * self._brightness[looks.lamp] * looks.factor
+            ask = varied > wish.tolerance * sums.places**QMC_RATE
+            wanted = np.where(ask, np.maximum(wanted, (varied / wish.tolerance) ** (1 / QMC_RATE)), wanted)
         some, count = _more(looks.rays, np.minimum(wanted, MOST_RAYS))
         if len(some):
-            order, _ = _runs(self._bank[looks.lamp[some]] << 32 | count << 16 | looks.rays[some])
+            order, _ = _runs((self._bank[looks.lamp[some]] << 32 | count << 16 | looks.rays[some]) * 2 + ask[some])
             some, count = some[order], count[order]
             start = looks.rays[some]
-            added = self._sums(looks.take(some), places, start, count - start, run, ask=False)
+            added = self._sums(looks.take(some), places, start, count - start, ask[some], run)
             value[some] = ratio(sums.take(some).plus(added), count)[0]
         value = value * looks.factor
         for channel in range(3):
@@ -187,16 +192,16 @@ class DirectLight:
                                     neighbours)
         return doubt
 
-    def _sums(self, looks: Looks, places: Footprints, start: Int, count: Int, run: Run,
-              ask: bool = True) -> ShadowSums:
-        """Sums over shadow rays start ... start + count - 1 of the point set, for looks in which those that are alike
-        stand together."""
+    def _sums(self, looks: Looks, places: Footprints, start: Int, count: Int, ask: NDArray[np.bool_],
+              run: Run) -> ShadowSums:
+        """Sums over shadow rays start ... start + count - 1 of the point set, and where `ask` (n,) the closed form, for
+        looks in which those that are alike stand together."""
         def work(part: slice) -> ShadowSums:
             first = part.start
             return self._rays(looks.lamp[part], places, looks.rows[part], int(start[first]), int(count[first]),
-                              ask and bool(looks.closed[first]), run)
+                              bool(ask[first]), run)
 
-        kinds = ((self._bank[looks.lamp] << 16 | count) << 16 | start) * 2 + looks.closed
+        kinds = ((self._bank[looks.lamp] << 16 | count) << 16 | start) * 2 + ask
         edges = np.append(np.append(0, np.flatnonzero(np.diff(kinds)) + 1), len(kinds))
         runs = [slice(first, last) for first, last in zip(edges[:-1], edges[1:], strict=True)]
         jobs = [part for alike in runs for part in _pieces([alike], max(1, CHUNK_RAYS // int(count[alike.start])))]
@@ -210,8 +215,10 @@ class DirectLight:
         points, normals = places.sample(np.repeat(rows, count), x, y)
         weight, seen = self._shadow(np.repeat(lamp, count), points, normals, np.stack([u, v], axis=-1), run)
         weight, seen = weight.reshape(-1, count), seen.reshape(-1, count)
-        closed = self._closed(lamp, points, normals, count) if ask else np.full(len(rows), np.nan, np.float32)
-        return ShadowSums(weight.sum(1), seen.sum(1), (weight > 0).sum(1), (seen > 0).sum(1), closed)
+        asked = min(count, CLOSED_SAMPLES if start == 0 else MORE_CLOSED) if ask else 0
+        closed, varied = self._closed(lamp, points, normals, count, asked)
+        return ShadowSums(weight.sum(1), seen.sum(1), (weight > 0).sum(1), (seen > 0).sum(1), closed, varied,
+                          np.where(np.isnan(closed), 0, asked))
 
     def _shadow(self, lamp: Int, points: Float, normals: Float, uv: Float, run: Run) -> tuple[Float, Float]:
         """Weights of shadow rays to lamps of one bank, and the same where something stands between: 0 (n,)."""
@@ -226,13 +233,15 @@ class DirectLight:
         run.count(len(lit))
         return weight, seen
 
-    def _closed(self, lamp: Int, points: Float, normals: Float, count: int) -> Float:
-        """Closed form over the lamp's colour, the mean over the first few places of each footprint: (n,) float32."""
-        some = min(count, CLOSED_SAMPLES)
-        index = (np.arange(0, len(points), count)[:, None] + np.arange(some)).reshape(-1)
+    def _closed(self, lamp: Int, points: Float, normals: Float, count: int, asked: int) -> tuple[Float, Float]:
+        """Closed form over the lamp's colour at the first `asked` of each footprint's `count` places: its mean and its
+        standard deviation (n,) float32; nan and 0 if there is none."""
+        if not asked:
+            return np.full(len(lamp), np.nan, np.float32), np.zeros(len(lamp), np.float32)
+        index = (np.arange(0, len(points), count)[:, None] + np.arange(asked)).reshape(-1)
         bank = self._banks[self._bank[lamp[0]]]
-        closed = bank.irradiance(points[index], normals[index], np.repeat(self._place[lamp], some))
-        return np.asarray(closed.reshape(-1, some).mean(axis=1))
+        closed = bank.irradiance(points[index], normals[index], np.repeat(self._place[lamp], asked)).reshape(-1, asked)
+        return np.asarray(closed.mean(axis=1)), np.nan_to_num(closed.std(axis=1))
 
 
 def _runs(kind: Int) -> tuple[Int, list[slice]]:

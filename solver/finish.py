@@ -26,6 +26,8 @@ def finished(lumels: Lumels, seams: Seams, values: Float, settings: Settings) ->
         return to_images(lumels, values, settings)
     # Filtering reads one texel beyond a chart, so seams need that much, whether or not it is asked for.
     images = seams.stitch(to_images(lumels, values, replace(settings, margin=max(settings.margin, 1))))
+    # Least squares may go below zero beside a bright lumel; light does not.
+    images = [np.maximum(image, 0) for image in images]
     if settings.margin > 0:
         return images
     for index, image in enumerate(images):

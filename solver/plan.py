@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 # Edge of a cell, and of the smallest patch, over the median distance that gather rays travel.
-CELL_SHARE = 0.015
+CELL_SHARE = 0.024
 SMALLEST_PATCH_SHARE = 0.02
 
 # The part of bounced light that the numbers below were found for (interiors), and the least that is planned for.
@@ -57,7 +57,7 @@ def plan(error: float, distance: float, bounced: float) -> Plan:
         row_rays=int(np.clip(256 * finer, 64, 1024)),
         gather_rays=gather,
         gather_error=0.27 * error,
-        direct_error=0.5 * error,
+        direct_error=0.3 * error,
         audit_lumels=1024,
         # The audit's noise at one lumel, about 1 / sqrt(paths), may be three times the error that it is to see.
         audit_paths=int(np.clip(0.15 / error**2, 16, 2048)),

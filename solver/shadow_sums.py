@@ -19,7 +19,9 @@ class ShadowSums:
 
     weight, seen : (n,) of all weights, and of those of free rays.
     tried, met : (n,) rays that have a weight, and those of them that are free.
-    closed : (n,) the unoccluded closed form over the lamp's colour; nan for none.
+    closed : (n,) the unoccluded closed form over the lamp's colour, the mean over some places; nan for none.
+    varied : (n,) its standard deviation between those places; 0 for none.
+    places : (n,) how many they are.
     """
 
     weight: Float
@@ -27,6 +29,8 @@ class ShadowSums:
     tried: Int
     met: Int
     closed: Float
+    varied: Float
+    places: Int
 
     @classmethod
     def concatenate(cls, parts: Sequence[ShadowSums]) -> ShadowSums:
@@ -46,8 +50,11 @@ class ShadowSums:
 
     def plus(self, other: ShadowSums) -> ShadowSums:
         """Sums over both sets of rays."""
+        places = self.places + other.places
+        share = other.places / np.maximum(places, 1)
+        closed = np.where(other.places > 0, self.closed + share * (other.closed - self.closed), self.closed)
         return ShadowSums(self.weight + other.weight, self.seen + other.seen, self.tried + other.tried,
-                          self.met + other.met, self.closed)
+                          self.met + other.met, closed, self.varied, places)
 
     @property
     def is_closed(self) -> NDArray[np.bool_]:
