@@ -41,6 +41,8 @@ DIRECT_RAYS = 32
 MOST_BOUNCES = 64
 # From this bounce on, paths end at random in proportion to what they carry.
 ROULETTE_FROM = 3
+# A lamp that would fill this part of what a point sees (its form factor) is beside it.
+BESIDE = 0.1
 # Up to this many lamps each gets a shadow ray of its own at every vertex.
 FEW_LAMPS = 4
 
@@ -213,24 +215,21 @@ class Auditor:
 
     def _shadow(self, points: Float, normals: Float, lamp: Int, generator: np.random.Generator, run: Run) -> Float:
         """(n, 3) what one shadow ray from each point brings from its lamp; all lamps are of one bank."""
-        out = np.zeros((len(points), 3), np.float32)
         if not len(points):
-            return out
+            return np.zeros((0, 3), np.float32)
         bank, place = self._banks[self._bank[lamp[0]]], self._place[lamp]
         towards = bank.sample(points, normals, generator.random((len(points), 2), np.float32), place)
         lit = np.flatnonzero(towards.weight > 0)
-        if not len(lit):
-            return out
+        free = np.zeros(len(points), bool)
         reach = np.minimum(towards.distance[lit], np.float32(1e30)) * np.float32(1 - SHORTEN)
-        free = ~self.geometry.visibility.occluded(points[lit], towards.direction[lit], reach)
+        free[lit] = ~self.geometry.visibility.occluded(points[lit], towards.direction[lit], reach)
         run.count(len(lit))
-        some = lit[free]
-        closed = bank.irradiance(points[some], normals[some], place[some])
-        # Right beside a lamp a ray's weight goes to infinity; the closed form does not, and what a single ray finds
-        # visible stands for all of the lamp.
-        given = np.where(np.isnan(closed), towards.weight[some], closed)
-        out[some] = given[:, None] * self._colour[lamp[some]]
-        return out
+        given = np.where(free, towards.weight, 0)
+        # Right beside a lamp a ray's weight goes to infinity. There the closed form is taken, and what rays find hidden
+        # is taken off: on the average the same, and with no variance where nothing is.
+        closed = bank.irradiance(points, normals, place)
+        given = np.where(closed > BESIDE, closed - np.where(free, 0, towards.weight), given)
+        return np.asarray(given[:, None] * self._colour[lamp], np.float32)
 
 
 class _Some:
