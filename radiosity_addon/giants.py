@@ -15,8 +15,9 @@ from .warn import Warnings, warn
 
 Float = NDArray[np.floating[Any]]
 
-# A surface is giant if it is so many times as wide as all others together, and takes this part of all lumels.
-GIANT_EXTENT, GIANT_SHARE = 4.0, 0.6
+# A surface is giant if it is so many times as wide as all others together, takes this part of all lumels, and is no
+# thicker than this part of its width: a room is not, though it is wider than the table that stands in it.
+GIANT_EXTENT, GIANT_SHARE, GIANT_THICKNESS = 4.0, 0.6, 0.05
 
 
 @dataclass(frozen=True)
@@ -44,10 +45,11 @@ def giants(scene: Scene) -> list[Giant]:
         others = np.delete(boxes, number, axis=0)
         if not len(others):
             break
-        extent = float(np.ptp(boxes[number], axis=0).max())
+        sides = np.ptp(boxes[number], axis=0)
+        extent = float(sides.max())
         rest = float((others[:, 1].max(axis=0) - others[:, 0].min(axis=0)).max())
         share = float(weight[number] / max(float(weight.sum()), 1e-300))
-        if extent > GIANT_EXTENT * rest and share > GIANT_SHARE:
+        if extent > GIANT_EXTENT * rest and share > GIANT_SHARE and sides.min() <= GIANT_THICKNESS * extent:
             fair = scene.surfaces[index].density * float(np.sqrt((1 - share) / share))
             found.append(Giant(index, extent, extent / max(rest, 1e-9), share, fair))
     return found

@@ -151,6 +151,13 @@ def test_a_plate_that_dwarfs_all_else_is_told(stage):
     fires_and_not("Plate", "giant", mend)
 
 
+def test_a_room_is_no_giant_plate_though_it_dwarfs_what_stands_in_it(stage):
+    # A square of 1 m2 in a room of 20 x 20 x 3 m, whose faces look inward.
+    room = stage.cube("Room", 20.0)
+    room.scale = (-1, 1, 0.15)
+    assert "giant" not in codes("Room")
+
+
 def test_a_plate_that_dwarfs_all_else_gets_half_of_the_lumels_unless_the_user_says_more(stage):
     # A square of 1 m2 beside a plate of 10^6 m2. Exact: at a thousandth of the density both take as many lumels; with a
     # density in pixels per metre, or a factor of the user's, the plate takes what was asked for, and check says so.
