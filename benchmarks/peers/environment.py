@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import json
 import os
+import shutil
 import subprocess
 import sys
 import venv
@@ -19,6 +20,8 @@ ROOT = Path(__file__).resolve().parents[2]
 FOLDER = Path(os.environ.get("RADIOSITY_PEERS", ROOT / ".venv-peers"))
 REQUIREMENTS = ROOT / "tools" / "requirements-peers.txt"
 
+# Mitsuba 3.9 compiles its kernels with LLVM; versions 14 and 15 end with "Cannot select: f32 = fmaximum".
+LLVM = 19
 # A peer that says nothing for so long is given up, seconds.
 PATIENCE = 1800.0
 
@@ -47,7 +50,26 @@ def make() -> list[str]:
         if not has(requirement.split("==")[0]):
             done = subprocess.run([str(python()), "-m", "pip", "install", "--quiet", requirement], check=False)
             failed += [requirement] * (done.returncode != 0)
-    return failed
+    return failed + [f"LLVM {LLVM} (set DRJIT_LIBLLVM_PATH to its library)"] * (not _fetch_llvm())
+
+
+def llvm() -> Path | None:
+    """The LLVM library that Mitsuba compiles with: DRJIT_LIBLLVM_PATH, or the one that `make` put here; None without."""
+    given = os.environ.get("DRJIT_LIBLLVM_PATH")
+    found = [Path(given)] if given else sorted((FOLDER / "llvm").glob(f"usr/lib/*/libLLVM.so.{LLVM}*"))
+    return found[0] if found else None
+
+
+def _fetch_llvm() -> bool:
+    """Unpack Debian's LLVM into the environment, installing nothing; whether it is there."""
+    if llvm() is None and shutil.which("apt-get") and shutil.which("dpkg-deb"):
+        place = FOLDER / "llvm"
+        place.mkdir(parents=True, exist_ok=True)
+        if not subprocess.run(["apt-get", "download", f"libllvm{LLVM}"], cwd=place, check=False).returncode:
+            for package in place.glob("*.deb"):
+                subprocess.run(["dpkg-deb", "-x", str(package), str(place)], check=False)
+                package.unlink()
+    return llvm() is not None
 
 
 def has(package: str) -> bool:
@@ -82,6 +104,8 @@ def run(script: Path, request: dict[str, Any], folder: Path, patience: float = P
     command = [str(python()), str(script), str(asked), str(answered)]
     # The project's own packages must not leak in.
     variables = {name: value for name, value in os.environ.items() if name != "PYTHONPATH"}
+    if library := llvm():
+        variables["DRJIT_LIBLLVM_PATH"] = str(library)
     try:
         done = subprocess.run(command, capture_output=True, text=True, check=False, cwd=folder, env=variables,
                               timeout=patience)
@@ -97,8 +121,9 @@ def run(script: Path, request: dict[str, Any], folder: Path, patience: float = P
 def main() -> int:
     """Command line; 1 if a package could not be installed."""
     failed = make()
-    for requirement in wanted():
-        print(f"{requirement}: {'could not be installed' if requirement in failed else 'there'}")
+    for requirement in failed:
+        print(f"{requirement}: could not be installed; its curves will be missing", file=sys.stderr)
+    print(f"{FOLDER}: {', '.join(r for r in wanted() if r not in failed)}")
     return int(bool(failed))
 
 
