@@ -104,7 +104,7 @@ def request(item: Any, material: Any, part: MeshPart, shading: Shading) -> Reque
     if by_place:
         own = (item.matrix.tobytes(), tuple(item.original.color), item.original.pass_index, item.random)
         digest.update(repr(own).encode())
-    digest.update(repr((material.pass_index, bpy.app.version_string, shading.guessed_parts)).encode())
+    digest.update(repr((material.pass_index, version(), shading.guessed_parts)).encode())
     return Request(material.original, item.name, part, shading, digest.hexdigest(), item.matrix,
                    tuple(item.original.color), item.original.pass_index, item.random)
 

@@ -187,7 +187,8 @@ class Auditor:
             side = np.where(front, np.float32(1), np.float32(-1))[:, None]
             normals, flat = self.geometry.shading_normal(triangle, a, b) * side, self.geometry.normal[triangle] * side
             keep, carried = _roulette(carried, bounce, generator)
-            alive, carried, points, normals, flat = (one[keep] for one in (alive, carried, points, normals, flat))
+            alive, carried, points = alive[keep], carried[keep], points[keep]
+            normals, flat = normals[keep], flat[keep]
             if not len(alive):
                 break
             indirect[alive] += carried * self._lamps(points, normals, generator, run)

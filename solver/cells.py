@@ -55,7 +55,7 @@ class Cells:
     @property
     def side(self) -> NDArray[np.int64]:
         """(rows,) int64, the met sides of cells, in the order of their rows."""
-        return self._side.values
+        return np.asarray(self._side.values)
 
     def sides(self, triangle: Int, u: Float, v: Float, front: NDArray[np.bool_]) -> NDArray[np.int64]:
         """The side of a cell that each hit lies on: (n,) int64; NOTHING where triangle is negative."""
@@ -81,7 +81,7 @@ class Cells:
 
     def unmet(self, sides: NDArray[np.int64]) -> NDArray[np.int64]:
         """The sides that have no row yet, each once, in the order of their numbers."""
-        return np.unique(sides[self.are_new(sides)])
+        return np.asarray(np.unique(sides[self.are_new(sides)]))
 
     def are_new(self, sides: NDArray[np.int64]) -> NDArray[np.bool_]:
         """Which of the sides (n,) are cells without a row."""

@@ -63,7 +63,7 @@ class Spots:
         nothing = np.empty((0, 3), np.float32)
         return cls(nothing, nothing, np.empty(0, np.int32), np.empty(0, np.float32))
 
-    def take(self, index: NDArray[Any]) -> Spots:
+    def take(self, index: NDArray[Any] | slice) -> Spots:
         """Some of the spots."""
         return Spots(self.points[index], self.normals[index], self.triangle[index], self.gap[index])
 
