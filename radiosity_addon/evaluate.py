@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 
 from ..solver.errors import RadiosityError
 from . import cycles, node_hash
+from .compat import version
 from .materials import PARTS, Shading
 from .mesh_part import BAKE_UV, MeshPart, make_mesh
 from .shader_views import show_part
