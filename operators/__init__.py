@@ -11,13 +11,14 @@ def _classes() -> tuple[type, ...]:
     from .compare import CLASSES as COMPARE
     from .density import CLASSES as DENSITY
     from .findings import CLASSES as FINDINGS
+    from .good_enough import CLASSES as GOOD_ENOUGH
     from .leaks import CLASSES as LEAKS
     from .lux import CLASSES as LUX
     from .preview import CLASSES as PREVIEW
     from .relight import CLASSES as RELIGHT
 
-    return (RADIOSITY_OT_bake, RADIOSITY_OT_check, RADIOSITY_OT_clear, *COMPARE, *DENSITY, *FINDINGS, *PREVIEW, *LUX,
-            *LEAKS, *RELIGHT)
+    return (RADIOSITY_OT_bake, *GOOD_ENOUGH, RADIOSITY_OT_check, RADIOSITY_OT_clear, *COMPARE, *DENSITY, *FINDINGS,
+            *PREVIEW, *LUX, *LEAKS, *RELIGHT)
 
 
 def register() -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from typing import Any
 
 import bpy
@@ -9,11 +10,13 @@ from bpy.props import StringProperty
 
 from ..radiosity_addon.command import parse_options
 from ..radiosity_addon.job import Job, Outcome, run
+from ..radiosity_addon.live import LiveJob
+from ..radiosity_addon.look import Look
 from ..radiosity_addon.summary import one_line
 from ..radiosity_addon.warn import as_line
 from ..radiosity_addon.window_request import request_in
 from ..solver.errors import Cancelled, RadiosityError
-from .status import show_status
+from .status import redraw_views, show_status
 
 # Seconds between two looks at the bake.
 TICK = 0.1
@@ -52,19 +55,13 @@ class RADIOSITY_OT_bake(bpy.types.Operator):
         """Bake in a thread, looked after by a timer."""
         if bpy.app.background:
             return self.execute(context)
+        kind = LiveJob if context.scene.radiosity.watch else Job
         try:
-            self._job = Job(request_in(context, parse_options(self.options)), context.scene, context.view_layer)
+            self._job = kind(request_in(context, parse_options(self.options)), context.scene, context.view_layer)
         except RadiosityError as error:
             return self._failed(error)
-        try:
-            self._job.export()
-        except RadiosityError as error:
-            self._job.close()
-            return self._failed(error)
-        except BaseException:
-            self._job.close()
-            raise
-        self._job.start()
+        self._parts: Iterator[None] | None = self._job.exporting()
+        self._look: Look | None = None
         manager = context.window_manager
         manager.progress_begin(0, 100)
         self._timer = manager.event_timer_add(TICK, window=context.window)
@@ -72,24 +69,43 @@ class RADIOSITY_OT_bake(bpy.types.Operator):
         return {"RUNNING_MODAL"}
 
     def modal(self, context: Any, event: Any) -> set[str]:
-        """Show how far it is; Esc cancels; write the results when the worker has ended."""
+        """Read the scene part by part, then show how far the worker is; Esc cancels; write the results at the end."""
         if event.type == "ESC" and event.value == "PRESS":
-            self._job.cancel()
+            self._job.give_up(keep=context.scene.radiosity.keep_draft)
             return {"RUNNING_MODAL"}
         if event.type != "TIMER":
+            # Nobody changes the scene while it is read.
+            return {"PASS_THROUGH"} if self._parts is None else {"RUNNING_MODAL"}
+        try:
+            outcome = self._tick(context)
+        except RadiosityError as error:
+            self._end(context)
+            return self._failed(error)
+        except BaseException:
+            self._end(context)
+            raise
+        if outcome is None:
             return {"PASS_THROUGH"}
+        self._end(context)
+        return self._tell(outcome)
+
+    def _tick(self, context: Any) -> Outcome | None:
+        """One step of the work that is Blender's thread's; what came of the bake, at its end."""
         progress = self._job.progress
         context.window_manager.progress_update(round(progress.fraction * 100))
         show_status(context, f"Radiosity {progress.line()} (Esc cancels)")
-        if not self._job.is_done:
-            return {"PASS_THROUGH"}
-        try:
-            outcome = self._job.finish()
-        except RadiosityError as error:
-            return self._failed(error)
-        finally:
-            self._end(context)
-        return self._tell(outcome)
+        if self._parts is not None:
+            self._job.refuse_cancelled()
+            try:
+                next(self._parts)
+            except StopIteration:
+                self._parts = None
+                self._job.start()
+            return None
+        if self._job.look is not self._look:
+            self._look = self._job.look
+            redraw_views(context)
+        return self._job.finish() if self._job.is_done else None
 
     def cancel(self, context: Any) -> None:
         """Blender ends the operator: a file is loaded, or the window closed."""
@@ -100,6 +116,7 @@ class RADIOSITY_OT_bake(bpy.types.Operator):
         context.window_manager.event_timer_remove(self._timer)
         context.window_manager.progress_end()
         show_status(context, None)
+        redraw_views(context)
 
     def _failed(self, error: RadiosityError) -> set[str]:
         self.report({"WARNING"} if isinstance(error, Cancelled) else {"ERROR"}, str(error))
@@ -111,7 +128,9 @@ class RADIOSITY_OT_bake(bpy.types.Operator):
             self.report({"WARNING"}, as_line(warning))
         if len(warnings) > SHOWN_WARNINGS:
             self.report({"WARNING"}, f"{len(warnings) - SHOWN_WARNINGS} more warnings are in the report")
-        if outcome.exit_code:
+        if outcome.report.get("good_enough"):
+            self.report({"INFO"}, "Good enough: kept a draft")
+        elif outcome.exit_code:
             self.report({"WARNING"}, f"The wanted error of {outcome.report['error']['wanted']:.2%} was not reached")
         self.report({"INFO"}, f"Baked {one_line(outcome.report)}")
         return {"FINISHED"}

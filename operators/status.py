@@ -9,7 +9,19 @@ def show_status(context: Any, text: str | None) -> None:
     """A text in the status bar, None for Blender's own; the panels draw their bar anew."""
     if context.workspace is not None:
         context.workspace.status_text_set(text)
-    for window in context.window_manager.windows:
-        for area in window.screen.areas:
-            if area.type == "VIEW_3D":
-                area.tag_redraw()
+    for area in _viewports(context):
+        for region in area.regions:
+            # Not the view itself, which may be slow to draw.
+            if region.type == "UI":
+                region.tag_redraw()
+
+
+def redraw_views(context: Any) -> None:
+    """Let all 3D viewports draw anew."""
+    for area in _viewports(context):
+        area.tag_redraw()
+
+
+def _viewports(context: Any) -> list[Any]:
+    return [area for window in context.window_manager.windows for area in window.screen.areas
+            if area.type == "VIEW_3D"]

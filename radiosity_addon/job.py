@@ -20,9 +20,10 @@ from ..solver.bake import bake
 from ..solver.errors import Cancelled, RadiosityError
 from ..solver.result import Bake
 from . import blend_file, compat, report
-from .export import Exported, export_scene
+from .export import Exported, export_parts
 from .keeping import KeptGroups
 from .layouts import with_shared_layouts
+from .look import Look
 from .progress import Progress, Terminal
 from .request import Request, remove_empty
 from .summary import print_warnings
@@ -56,7 +57,9 @@ class Job:
         self.request = request
         self.warnings: Warnings = []
         self.progress = Progress()
-        self._scene_name, self._layer_name = scene.name, view_layer.name
+        self.scene_name, self._layer_name = scene.name, view_layer.name
+        # What the viewport shows of the work, if anything (see `live`).
+        self.look: Look | None = None
         self._started = time.perf_counter()
         self._seconds: dict[str, float] = {}
         self._cancel = threading.Event()
@@ -75,11 +78,17 @@ class Job:
 
     def export(self) -> None:
         """Read the scene, and see that results can be written. Raises RadiosityError."""
+        for _ in self.exporting():
+            pass
+
+    def exporting(self) -> Iterator[None]:
+        """`export` in parts, so that a window can go on between them."""
         with self._timed("export"):
             self._made = self.request.check_writable()
             scene, layer = self._place()
-            self._exported = export_scene(scene, layer, self.request.settings, self.warnings,
-                                          self.request.apply_modifiers)
+            self._exported = yield from export_parts(scene, layer, self.request.settings, self.warnings,
+                                                     self.request.apply_modifiers)
+            yield
             self._groups = KeptGroups.of(self._exported.scene, scene, layer, self.request)
         self.progress("export", 1.0)
 
@@ -96,6 +105,15 @@ class Job:
     def cancel(self) -> None:
         """Ask the worker to stop."""
         self._cancel.set()
+
+    def give_up(self, *, keep: bool) -> None:
+        """End the work with nothing: here is nothing to keep before the end."""
+        self.cancel()
+
+    def refuse_cancelled(self) -> None:
+        """Raise Cancelled if the user wants to stop."""
+        if self._cancel.is_set():
+            raise Cancelled("the bake was cancelled: nothing was changed")
 
     def wait(self, seconds: float) -> None:
         """Give the worker some time."""
@@ -119,7 +137,7 @@ class Job:
             if self.request.save is not None:
                 blend_file.save_copy(self.request.save)
         full = report.complete(
-            self._bake.report, scene=bpy.data.filepath or self._scene_name, blender=compat.version(),
+            self._bake.report, scene=bpy.data.filepath or self.scene_name, blender=compat.version(),
             settings=self.request.settings, outputs=outputs, warnings=self.warnings, stages=self._seconds,
             seconds=time.perf_counter() - self._started, materials=self._exported.materials)
         if self.request.report_path is not None:
@@ -148,8 +166,7 @@ class Job:
 
     def _unwrapping(self, fraction: float) -> None:
         self.progress("unwrap", fraction)
-        if self._cancel.is_set():
-            raise Cancelled("the bake was cancelled: nothing was changed")
+        self.refuse_cancelled()
 
     def _add_solver_warnings(self) -> None:
         assert self._bake is not None
@@ -157,10 +174,10 @@ class Job:
 
     def _place(self) -> tuple[Any, Any]:
         """Scene and view layer, found by name: undo and file loads make new ones while a bake runs."""
-        scene = bpy.data.scenes.get(self._scene_name)
+        scene = bpy.data.scenes.get(self.scene_name)
         layer = scene.view_layers.get(self._layer_name) if scene is not None else None
         if layer is None:
-            raise RadiosityError(f"scene {self._scene_name!r} or its view layer {self._layer_name!r} was removed "
+            raise RadiosityError(f"scene {self.scene_name!r} or its view layer {self._layer_name!r} was removed "
                                  "during the bake: bake again")
         return scene, layer
 
@@ -168,7 +185,7 @@ class Job:
     def _timed(self, name: str) -> Iterator[None]:
         start = time.perf_counter()
         yield
-        self._seconds[name] = time.perf_counter() - start
+        self._seconds[name] = self._seconds.get(name, 0.0) + time.perf_counter() - start
 
 
 def run(request: Request, scene: Any, view_layer: Any) -> Outcome:

@@ -88,7 +88,7 @@ class RADIOSITY_PT_result(Tab, bpy.types.Panel):
         row = layout.row()
         row.active = not settings.pack
         row.prop(settings, "output")
-        for name in ("apply_modifiers", "seed", "threads"):
+        for name in ("apply_modifiers", "watch", "keep_draft", "seed", "threads"):
             layout.prop(settings, name)
 
 
@@ -97,6 +97,9 @@ def _draw_progress(layout: Any, job: Job) -> None:
     left = progress.seconds_left
     layout.progress(factor=progress.fraction, text=f"{progress.stage.capitalize()} {progress.fraction:.0%}")
     layout.label(text=f"{clock(left)} left, Esc cancels" if left is not None else "Esc cancels")
+    if job.look is not None:
+        layout.label(text=f"Shown: {job.look.title}")
+    layout.operator("radiosity.good_enough", icon="CHECKMARK")
 
 
 CLASSES = (RADIOSITY_PT_bake, RADIOSITY_PT_layout, RADIOSITY_PT_result)

@@ -16,12 +16,15 @@ from ..solver.settings import Settings
 from .memory import peak_memory_bytes
 from .warn import Warnings
 
+# Our own stages before those of the solver.
+EARLIER = ("export", "first look", "unwrap", "draft")
+
 
 def complete(report: dict[str, Any], *, scene: str, blender: str, settings: Settings, outputs: list[dict[str, Any]],
              warnings: Warnings, stages: dict[str, float], seconds: float,
              materials: Sequence[dict[str, Any]] = ()) -> dict[str, Any]:
     """The solver's report with scene, settings, outputs, warnings, our own stages, and the whole time."""
-    before = [{"name": name, "seconds": stages[name], "rays": 0} for name in ("export", "unwrap") if name in stages]
+    before = [{"name": name, "seconds": stages[name], "rays": 0} for name in EARLIER if name in stages]
     after = [{"name": name, "seconds": stages[name], "rays": 0} for name in ("write",) if name in stages]
     return {
         **report,

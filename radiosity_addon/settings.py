@@ -70,6 +70,12 @@ class RADIOSITY_PG_settings(bpy.types.PropertyGroup):
         max=256)
     seed: IntProperty(  # type: ignore[valid-type]
         name="Seed", description="The same seed gives the same result", default=0, min=0)
+    watch: BoolProperty(  # type: ignore[valid-type]
+        name="Show While Baking", default=True,
+        description="Draw the light over the viewport while it is baked, coarse at first; a bake takes somewhat longer")
+    keep_draft: BoolProperty(  # type: ignore[valid-type]
+        name="Esc Keeps Draft", default=False,
+        description="Esc ends a bake with the last draft that was shown; off, it leaves everything as it was")
     threads: IntProperty(  # type: ignore[valid-type]
         name="Threads", description="0 uses all cores", default=0, min=0, max=1024)
     groups: EnumProperty(  # type: ignore[valid-type]

@@ -1,0 +1,141 @@
+"""Draws the light of a bake on its way over the surfaces in the 3D viewports; nothing of the file is touched."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import bpy
+import numpy as np
+
+from .job import Job
+from .look import Look
+
+# How far the light lies before its surfaces, as part of the depth buffer's range.
+NEARER = 2e-5
+
+VERTEX = """
+void main() {
+    uv_inside = uv;
+    colour_inside = colour;
+    glow_inside = glow;
+    gl_Position = view_projection * vec4(position, 1.0);
+    gl_Position.z -= nearer * gl_Position.w;
+}
+"""
+# Linear light as a display shows it (IEC 61966-2-1).
+FRAGMENT = """
+void main() {
+    vec3 light = (texture(page, uv_inside).rgb * colour_inside + glow_inside) * exposure;
+    vec3 low = light * 12.92;
+    vec3 high = 1.055 * pow(max(light, vec3(1e-6)), vec3(1.0 / 2.4)) - 0.055;
+    shown = vec4(mix(low, high, step(vec3(0.0031308), light)), 1.0);
+}
+"""
+
+
+@dataclass(frozen=True)
+class _Drawn:
+    """A look on its way to the screen: a texture and a batch for each page."""
+
+    look: Look
+    parts: tuple[tuple[Any, Any], ...]
+
+
+_handles: list[Any] = []
+# The shader, made once; and what was drawn last.
+_shader: list[Any] = []
+_drawn: list[_Drawn] = []
+
+
+def attach() -> None:
+    """Draw in all 3D viewports; nothing where Blender has no window."""
+    if not bpy.app.background:
+        _handles.append(bpy.types.SpaceView3D.draw_handler_add(_draw, (), "WINDOW", "POST_VIEW"))
+
+
+def detach() -> None:
+    """Draw no more."""
+    while _handles:
+        bpy.types.SpaceView3D.draw_handler_remove(_handles.pop(), "WINDOW")
+    _drawn.clear()
+    _shader.clear()
+
+
+def _draw() -> None:
+    import gpu
+
+    job, context = Job.current, bpy.context
+    look = job.look if job is not None and job.scene_name == context.scene.name else None
+    if look is None:
+        _drawn.clear()
+        return
+    shader = _made()
+    if not _drawn or _drawn[0].look is not look:
+        _drawn[:] = [_Drawn(look, tuple(_parts(look, shader)))]
+    gpu.state.depth_test_set("LESS_EQUAL")
+    gpu.state.depth_mask_set(True)
+    shader.bind()
+    shader.uniform_float("view_projection", context.region_data.perspective_matrix)
+    shader.uniform_float("nearer", NEARER)
+    shader.uniform_float("exposure", 2.0**context.scene.view_settings.exposure)
+    for texture, batch in _drawn[0].parts:
+        shader.uniform_sampler("page", texture)
+        batch.draw(shader)
+    gpu.state.depth_mask_set(False)
+    gpu.state.depth_test_set("NONE")
+
+
+def _parts(look: Look, shader: Any) -> list[tuple[Any, Any]]:
+    parts = []
+    for page in np.unique(look.page):
+        here = np.flatnonzero(look.page == page)
+        pixels = look.pages[page] if page >= 0 else np.ones((1, 1, 3), np.float32)
+        parts.append((_texture(pixels), _batch(look, here, shader)))
+    return parts
+
+
+def _texture(pixels: Any) -> Any:
+    import gpu
+
+    height, width = pixels.shape[:2]
+    rgba = np.ones((height, width, 4), np.float32)
+    rgba[:, :, :3] = pixels
+    values = gpu.types.Buffer("FLOAT", rgba.size, rgba.reshape(-1))
+    return gpu.types.GPUTexture((width, height), format="RGBA16F", data=values)
+
+
+def _batch(look: Look, here: Any, shader: Any) -> Any:
+    import gpu
+
+    values = {"position": look.corners[here], "uv": look.uv[here], "colour": look.colour[here],
+              "glow": np.repeat(look.glow[here][:, None], 3, axis=1)}
+    points = gpu.types.GPUVertBuf(shader.format_calc(), 3 * len(here))
+    for name, array in values.items():
+        points.attr_fill(name, np.ascontiguousarray(array.reshape(3 * len(here), -1), np.float32))
+    return gpu.types.GPUBatch(type="TRIS", buf=points)
+
+
+def _made() -> Any:
+    """The shader."""
+    import gpu
+
+    if not _shader:
+        between = gpu.types.GPUStageInterfaceInfo("radiosity_look")
+        between.smooth("VEC2", "uv_inside")
+        between.smooth("VEC3", "colour_inside")
+        between.smooth("VEC3", "glow_inside")
+        info = gpu.types.GPUShaderCreateInfo()
+        info.push_constant("MAT4", "view_projection")
+        info.push_constant("FLOAT", "nearer")
+        info.push_constant("FLOAT", "exposure")
+        info.sampler(0, "FLOAT_2D", "page")
+        for slot, (kind, name) in enumerate((("VEC3", "position"), ("VEC2", "uv"), ("VEC3", "colour"),
+                                             ("VEC3", "glow"))):
+            info.vertex_in(slot, kind, name)
+        info.vertex_out(between)
+        info.fragment_out(0, "VEC4", "shown")
+        info.vertex_source(VERTEX)
+        info.fragment_source(FRAGMENT)
+        _shader.append(gpu.shader.create_from_info(info))
+    return _shader[0]
