@@ -1,74 +1,135 @@
-"""Error against time, ours and Cycles', as a picture: measures the scenes (or takes measured rows) and draws them.
+"""Error against time, ours and other programs', as pictures, with the numbers beside them.
 
-    python benchmarks/chart.py              measure and draw
-    python benchmarks/chart.py --draw       draw docs/accuracy.csv again
+    python benchmarks/chart.py                                    measure everything, then draw
+    python benchmarks/chart.py --scenes cornell --programs ours cycles oidn --output out/chart
+    python benchmarks/chart.py --draw                             draw the tables that are there
+
+Writes accuracy.csv and accuracy.png (lightmaps), form_factors.csv and form_factors.png (single form factors). Programs
+that are not installed are made so first, in an environment of their own (.venv-peers); docs/peers.md tells of them.
 """
 
 from __future__ import annotations
 
 import argparse
 import csv
+import os
 import subprocess
 import sys
 from pathlib import Path
-
-import matplotlib
-
-matplotlib.use("Agg")
-import matplotlib.pyplot as plt
-from matplotlib.ticker import NullFormatter, ScalarFormatter
+from typing import Any
 
 ROOT = Path(__file__).resolve().parents[1]
-TABLE = ROOT / "docs" / "accuracy.csv"
-PICTURE = ROOT / "docs" / "accuracy.png"
 SCENES = ("cornell", "truck_town", "classroom")
-COLOURS = dict(zip(SCENES, ("tab:red", "tab:green", "tab:blue"), strict=True))
+PROGRAMS = ("ours", "cycles", "oidn", "mitsuba", "luxcore", "form_factors")
+# Those that need the peers' environment.
+PEERS = {"oidn", "mitsuba", "luxcore", "form_factors"}
+STYLES = {
+    "ours": ("black", "o-"),
+    "cycles": ("tab:blue", "s--"),
+    "cycles + oidn lightmap": ("tab:orange", "^--"),
+    "cycles + oidn": ("tab:red", "v--"),
+    "mitsuba": ("tab:green", "D--"),
+    "luxcore": ("tab:purple", "P--"),
+}
+SECONDS = (1, 2, 5, 10, 20, 50, 100, 200)
+PER_CENT = (0.5, 1, 2, 3, 5, 10, 20, 50)
 
 
-def measure() -> None:
-    """Run the comparison and gather its rows into one table."""
-    errors, samples = ("--error", ".1", ".03"), ("--time-cycles", "64", "256")
-    command = (sys.executable, "-m", "benchmarks.cycles.compare", *SCENES, *errors, *samples)
-    subprocess.run(command, cwd=ROOT, check=True)
-    lines: list[str] = []
-    for scene in SCENES:
-        rows = (ROOT / "out" / "benchmarks" / scene / "compare.csv").read_text().splitlines()
-        lines += rows if not lines else rows[1:]
-    TABLE.write_text("\n".join(lines) + "\n")
+def run(*words: str) -> int:
+    """A command of this project, from its root; its exit code."""
+    return subprocess.run([sys.executable, "-m", *words], cwd=ROOT, check=False).returncode
 
 
-def draw() -> None:
-    """One curve a program and scene; both axes logarithmic."""
-    with TABLE.open(newline="") as file:
+def measure(scenes: list[str], programs: list[str], output: Path) -> None:
+    """Run what was asked for and gather its rows in `output`."""
+    if PEERS & set(programs):
+        run("benchmarks.peers.environment")
+    baked = [program for program in programs if program != "form_factors"]
+    tables = []
+    if baked:
+        for scene in scenes:
+            if run("radiosity.benchmarks.peers.run", scene, "--programs", *baked):
+                sys.exit(f"{scene} could not be measured")
+            tables.append((ROOT / "out" / "benchmarks" / scene / "peers.csv").read_text().splitlines())
+        lines = tables[0][:1] + [line for table in tables for line in table[1:]]
+        (output / "accuracy.csv").write_text("\n".join(lines) + "\n")
+    if "form_factors" in programs and run("radiosity.benchmarks.form_factors.run", "--output",
+                                          str(output / "form_factors.csv"), "--most", "4096", "--peers"):
+        sys.exit("the form factors could not be measured")
+
+
+def draw_bakes(table: Path, picture: Path) -> None:
+    """One panel a scene, one curve a program; both axes logarithmic."""
+    import matplotlib
+
+    matplotlib.use("Agg")
+    import matplotlib.pyplot as plt
+
+    with table.open(newline="") as file:
         rows = list(csv.DictReader(file))
-    figure, axes = plt.subplots(figsize=(8, 5))
-    for scene in SCENES:
-        for program, style in (("ours", "o-"), ("cycles", "s--")):
+    scenes = list(dict.fromkeys(row["scene"] for row in rows))
+    figure, axes = plt.subplots(1, len(scenes), figsize=(1.5 + 4.5 * len(scenes), 4.5), sharey=True, squeeze=False,
+                                layout="constrained")
+    for axis, scene in zip(axes[0], scenes, strict=True):
+        for program, (colour, style) in STYLES.items():
             points = sorted((float(row["seconds"]), 100 * float(row["rms"])) for row in rows
                             if (row["scene"], row["program"]) == (scene, program))
             if points:
-                axes.loglog(*zip(*points, strict=True), style, color=COLOURS[scene], label=f"{scene}, {program}")
-    axes.set_xlabel("seconds (wall clock, two cores)")
-    axes.set_ylabel("relative RMS error, %")
-    axes.grid(True, which="both", alpha=0.3)
-    for axis in (axes.xaxis, axes.yaxis):
-        axis.set_major_formatter(ScalarFormatter())
-        axis.set_minor_formatter(NullFormatter())
-    axes.set_xticks([3, 5, 10, 20, 50])
-    axes.set_yticks([1, 2, 3, 5, 10, 20])
-    axes.legend(loc="center left", bbox_to_anchor=(1, 0.5))
-    figure.tight_layout()
-    figure.savefig(PICTURE, dpi=100)
+                axis.loglog(*zip(*points, strict=True), style, color=colour, label=program)
+        axis.set_title(scene)
+        axis.set_xlabel("seconds (wall clock)")
+        axis.grid(True, which="both", alpha=0.3)
+        _plain_ticks(axis)
+    axes[0][0].set_ylabel("relative RMS error, %")
+    handles = {label: handle for axis in axes[0] for handle, label in zip(*axis.get_legend_handles_labels(), strict=True)}
+    figure.legend(handles.values(), handles.keys(), loc="outside right center")
+    figure.savefig(picture, dpi=100)
+    plt.close(figure)
 
 
-def main() -> None:
+def _plain_ticks(axis: Any) -> None:
+    from matplotlib.ticker import NullFormatter, ScalarFormatter
+
+    for scale, wanted in ((axis.xaxis, SECONDS), (axis.yaxis, PER_CENT)):
+        low, high = scale.get_view_interval()
+        scale.set_ticks([tick for tick in wanted if low <= tick <= high])
+        scale.set_major_formatter(ScalarFormatter())
+        scale.set_minor_formatter(NullFormatter())
+
+
+def draw(output: Path) -> list[Path]:
+    """Draw each table that is there; the pictures."""
+    made = []
+    if (output / "accuracy.csv").is_file():
+        draw_bakes(output / "accuracy.csv", output / "accuracy.png")
+        made.append(output / "accuracy.png")
+    if (output / "form_factors.csv").is_file():
+        picture = output / "form_factors.png"
+        if run("radiosity.benchmarks.form_factors.picture", str(output / "form_factors.csv"), str(picture)):
+            sys.exit("the form factors could not be drawn")
+        made.append(picture)
+    return made
+
+
+def main(arguments: list[str] | None = None) -> int:
     """Command line."""
     parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
-    parser.add_argument("--draw", action="store_true", help="draw the table that is there, without measuring")
-    if not parser.parse_args().draw:
-        measure()
-    draw()
+    parser.add_argument("--draw", action="store_true", help="draw the tables that are there, without measuring")
+    parser.add_argument("--scenes", nargs="+", default=list(SCENES), help=f"({' '.join(SCENES)})")
+    parser.add_argument("--programs", nargs="+", choices=PROGRAMS, default=list(PROGRAMS), help="what is measured (all)")
+    parser.add_argument("--output", type=Path, default=ROOT / "docs", help="folder of tables and pictures (docs)")
+    chosen = parser.parse_args(arguments)
+    chosen.output.mkdir(parents=True, exist_ok=True)
+    output = Path(os.path.abspath(chosen.output))
+    if not chosen.draw:
+        measure(chosen.scenes, chosen.programs, output)
+    pictures = draw(output)
+    if not pictures:
+        sys.exit(f"no table in {output}: measure first")
+    for picture in pictures:
+        print(picture)
+    return 0
 
 
 if __name__ == "__main__":
-    main()
+    sys.exit(main())
