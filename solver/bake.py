@@ -289,6 +289,6 @@ def _passes(direct: Float, bounced: Float, passes: str) -> Float:
 
 def _report(work: _Work, lumels: int) -> dict[str, Any]:
     with work.stages("energy"):
-        balance = energy_balance(work.transported)
+        balance = energy_balance(work.transported, work.settings.seed, work.run)
     return report(work.scene, work.settings, work.stages, lumels, work.transported, work.error, balance, work.linear,
                   work.warnings)

@@ -128,7 +128,7 @@ class CellFootprints:
     """Sides of cells."""
 
     def __init__(self, cells: Cells, sides: NDArray[np.int64]) -> None:
-        self.cells = cells
+        self.cells, self.sides = cells, sides
         self.identity = sides
 
     def __len__(self) -> int:
@@ -136,7 +136,7 @@ class CellFootprints:
 
     def sample(self, rows: Int, x: Float, y: Float) -> tuple[Float, Float]:
         """See Footprints."""
-        triangle, u, v, front = self.cells.places(self.identity[rows], x, y)
+        triangle, u, v, front = self.cells.places(self.sides[rows], x, y)
         geometry = self.cells.geometry
         points = geometry.lifted(geometry.point(triangle, u, v), triangle, front)
         normals = geometry.shading_normal(triangle, u, v)
@@ -144,7 +144,7 @@ class CellFootprints:
 
     def flat_normals(self, rows: Int) -> Float:
         """See Footprints."""
-        side = self.identity[rows]
+        side = self.sides[rows]
         normals = self.cells.geometry.normal[self.cells.triangle_of(side)]
         return np.asarray(normals * np.where(side & 1, 1, -1)[:, None].astype(np.float32))
 

@@ -32,7 +32,7 @@ class MetCells:
     def __init__(self, geometry: Geometry, direct: DirectLight, sampled_emitter: NDArray[np.bool_], cells: Cells,
                  seed: int, run: Run) -> None:
         self.geometry, self.cells = geometry, cells
-        self._light, self._sampled_emitter = direct, sampled_emitter
+        self.light, self._sampled_emitter = direct, sampled_emitter
         self._seed, self._run = seed, run
         columns = 3 if direct.split is None else direct.split.columns
         self._incident, self._direct = Growing((columns,)), Growing((columns,))
@@ -68,7 +68,7 @@ class MetCells:
 
     def emission_of(self, group: int) -> Float | None:
         """(n, 3) radiant exitance of a light group that no lamp stands for, W/m2; None if there is none."""
-        split = self._light.split
+        split = self.light.split
         assert split is not None
         own = split.triangle_group[self._triangle.values] == group
         return split.white(group, self.emission) * own[:, None] if self.emission[own].any() else None
@@ -91,7 +91,7 @@ class MetCells:
         if new.start < new.stop:
             places = SeenFootprints(self.geometry, self.cells, fresh)
             reflectance, emission = self._materials(places)
-            incident = self._light.apart(places, self._run, pilot=CELL_SAMPLES, small_share=CELL_SMALL_SHARE)
+            incident = self.light.apart(places, self._run, pilot=CELL_SAMPLES, small_share=CELL_SMALL_SHARE)
             self._incident.append(incident)
             self._emission.append(emission)
             self._reflectance.append(reflectance)
@@ -110,7 +110,7 @@ class MetCells:
 
     def _leaving(self, sides: NDArray[np.int64], reflectance: Float, incident: Float, emission: Float) -> Float:
         """Radiosity that does not come from patches, of all light and of every group."""
-        split = self._light.split
+        split = self.light.split
         if split is None:
             return reflectance * incident + emission
         out = np.tile(reflectance, split.columns // 3) * incident
