@@ -1,0 +1,156 @@
+"""Run by Blender in its window: watches bakes by mouse, ends them in every way, and times the window meanwhile.
+
+Started as `drive.py` is, with a job of tab, shots, settings, fingerprint and result. Its results: the longest times
+that the window did not answer, by what went on ("idle" is before any bake, "write" the end of one); seconds to the
+first look, and from Esc to the end; how the file differs afterwards; what the report says of a kept draft. At the end
+Blender is quit in the middle of a bake.
+"""
+
+from __future__ import annotations
+
+import json
+import sys
+import time
+import traceback
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any
+
+import bpy
+
+sys.path.insert(0, str(Path(__file__).parent))
+import drive  # type: ignore[import-not-found]
+
+# Seconds between two looks at the window, that it is watched idle, and that anything may take.
+TICK, IDLE, LONGEST = 0.01, 3.0, 240.0
+# Times that the button is pressed until it takes.
+TRIES = 3
+GAPS: dict[str, float] = {}
+
+
+def current() -> Any:
+    """The job that is on its way, or None."""
+    name = next(name for name in sys.modules if name.endswith(".radiosity_lightmaps.radiosity_addon.job"))
+    return sys.modules[name].Job.current
+
+
+def title() -> str:
+    """What is shown; "" where nothing is."""
+    job = current()
+    return job.look.title if job is not None and job.look is not None else ""
+
+
+def watch(done: Callable[[], bool]) -> Iterator[float]:
+    """Wait, and note how long the window did not answer, by what went on."""
+    end, last = time.monotonic() + LONGEST, time.monotonic()
+    while not done():
+        job = current()
+        before = "idle" if job is None else job.progress.stage
+        yield TICK
+        now = time.monotonic()
+        what = "write" if job is not None and current() is None else before
+        GAPS[what], last = max(GAPS.get(what, 0.0), now - last), now
+        if now > end:
+            raise TimeoutError(f"still at {before}")
+
+
+def start() -> Iterator[float]:
+    """Press the bake button until it takes."""
+    window, _, _ = drive.sidebar()
+    for _ in range(TRIES):
+        # What the last run reported pops up under the mouse, goes when the mouse does, and takes a click until then.
+        drive.move(window, window.width // 4, window.height // 4)
+        yield 1.0
+        yield from drive.press_button("radiosity.bake")
+        if current() is not None:
+            return
+    raise TimeoutError("no bake starts")
+
+
+def differences(before: Any) -> list[str]:
+    """What the file holds other than before."""
+    bpy.context.view_layer.update()
+    fingerprints = drive.load(drive.JOB["fingerprint"])
+    return list(fingerprints.differences(before, fingerprints.fingerprint()))
+
+
+def cancelled(before: Any) -> Iterator[float]:
+    """Watch a bake up to its first draft, then press Esc."""
+    yield from start()
+    yield from watch(lambda: title() != "")
+    drive.SEEN["seconds_to_look"] = current().progress.elapsed
+    yield from drive.shot("live-1-first-look")
+    yield from watch(lambda: title().startswith("error"))
+    yield from drive.shot("live-2-draft")
+    window, _, _ = drive.sidebar()
+    pressed = time.monotonic()
+    window.event_simulate("ESC", "PRESS")
+    window.event_simulate("ESC", "RELEASE")
+    yield from watch(lambda: current() is None)
+    drive.SEEN["seconds_to_cancel"] = time.monotonic() - pressed
+    drive.SEEN["after_cancel"] = differences(before)
+
+
+def kept(before: Any) -> Iterator[float]:
+    """Press Good Enough at the first draft, then undo."""
+    yield from start()
+    yield from watch(lambda: title().startswith("error"))
+    yield from drive.press_button("radiosity.good_enough")
+    yield from watch(lambda: current() is None)
+    yield from drive.shot("live-3-kept")
+    report = json.loads((Path(bpy.data.filepath).parent / "lightmaps" / "report.json").read_text(encoding="utf-8"))
+    drive.SEEN["report"] = {name: report.get(name) for name in ("error", "good_enough", "outputs", "stages")}
+    drive.SEEN["after_keep"] = differences(before)
+    yield from drive.undo("undo")
+    drive.SEEN["after_undo"] = differences(before)
+
+
+def loaded_meanwhile() -> Iterator[float]:
+    """Load the file anew in the middle of a bake."""
+    yield from start()
+    yield from watch(lambda: title() != "")
+    job = current()
+    bpy.ops.wm.open_mainfile(filepath=bpy.data.filepath, load_ui=False)
+    yield 1.0
+    drive.SEEN["runs_after_load"] = current() is not None or not job.is_done
+
+
+def steps() -> Iterator[float]:
+    """The whole visit."""
+    for name, value in drive.JOB["settings"].items():
+        setattr(bpy.context.scene.radiosity, name, value)
+    yield from drive.open_tab(drive.JOB["tab"])
+    yield from drive.view_camera()
+    over = time.monotonic() + IDLE
+    yield from watch(lambda: time.monotonic() > over)
+    bpy.ops.ed.undo_push(message="before")
+    before = drive.load(drive.JOB["fingerprint"]).fingerprint()
+    yield from cancelled(before)
+    yield from kept(before)
+    yield from loaded_meanwhile()
+    yield from start()
+    yield from watch(lambda: title() != "")
+    drive.SEEN["runs_at_quit"] = current() is not None
+
+
+VISIT = steps()
+
+
+def tick() -> float | None:
+    """One step a call; at the end, or on an error, write the result and leave."""
+    error = ""
+    try:
+        return next(VISIT)
+    except StopIteration:
+        pass
+    except Exception:  # noqa: BLE001 - whatever went wrong belongs into the result, and the window must close
+        error = traceback.format_exc()
+        drive.photograph("live-error")
+    seen = {**drive.SEEN, "gaps": GAPS}
+    Path(drive.JOB["result"]).write_text(json.dumps({"error": error, "seen": seen}), encoding="utf-8")
+    bpy.ops.wm.quit_blender()
+    return None
+
+
+if __name__ == "__main__":
+    bpy.app.timers.register(tick, first_interval=2.0, persistent=True)

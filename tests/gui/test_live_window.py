@@ -1,0 +1,70 @@
+"""A watched bake, by mouse in the real Blender's window: cancelled, kept as good enough, left in its middle."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+
+import pytest
+from radiosity.tests.gui.test_window import HERE, ROOT, SCREEN, SHOTS, WINDOW, blender
+from radiosity.tools import real_blender as real_blender_tool
+
+pytestmark = [pytest.mark.slow, pytest.mark.timeout(900)]
+# Seconds that the window may not answer and that Esc may take, beyond what the same window needs when nothing runs:
+# it is drawn in software here, on cores that the bake has too.
+LONGEST_GAP, LONGEST_CANCEL = 0.1, 1.0
+
+
+@pytest.fixture(scope="module")
+def seen(linux_zip: Path, tmp_path_factory: pytest.TempPathFactory, real_blender: None) -> dict[str, Any]:
+    """One visit for all tests (see `drive_live`): the example's Cornell box."""
+    folder = tmp_path_factory.mktemp("live")
+    resources, scene, result = folder / "resources", folder / "box.blend", folder / "seen.json"
+    resources.mkdir()
+    SHOTS.mkdir(parents=True, exist_ok=True)
+    blender(resources, "--command", "extension", "install-file", "-r", "user_default", "-e", linux_zip)
+    blender(resources, "-b", "--factory-startup", "--python-exit-code", "3",
+            "--python", ROOT / "examples" / "cornell_box.py", "--", scene)
+    job = {"tab": "Radiosity", "shots": str(SHOTS), "result": str(result),
+           "settings": {"preset": "high", "resolution": 128},
+           "fingerprint": str(HERE.parent / "blender" / "fingerprint.py")}
+    done = real_blender_tool.run([*WINDOW, str(scene), "--python", str(HERE / "drive_live.py")], resources,
+                                 timeout=780, program=SCREEN, extra={"DRIVE_JOB": json.dumps(job)})
+    assert result.is_file(), done.stdout
+    told = json.loads(result.read_text(encoding="utf-8"))
+    print(json.dumps(told["seen"], indent=1))
+    assert told["error"] == "", done.stdout
+    assert "Traceback" not in done.stdout, done.stdout
+    assert done.returncode == 0, done.stdout
+    return dict(told["seen"])
+
+
+def test_the_window_answers_while_it_bakes(seen: dict[str, Any]) -> None:
+    idle = seen["gaps"].pop("idle")
+    late = {what: gap for what, gap in seen["gaps"].items() if gap > LONGEST_GAP + idle}
+    assert not late
+
+
+def test_esc_ends_the_work_within_a_second_and_leaves_the_file_as_it_was(seen: dict[str, Any]) -> None:
+    # Exact answer: no datablock differs from before the bake, though a first look and a draft had been shown.
+    assert seen["seconds_to_cancel"] < LONGEST_CANCEL + seen["gaps"].get("idle", 0.0)
+    assert seen["after_cancel"] == []
+
+
+def test_good_enough_keeps_the_draft_in_one_undo_step(seen: dict[str, Any]) -> None:
+    # The draft has half of the 128 pixels. Exact answer: 64; the report has its own estimate and the user's wish; the
+    # file differs until one undo.
+    report = seen["report"]
+    assert report["good_enough"] is True
+    assert {tuple(output["resolution"]) for output in report["outputs"]} == {(64, 64)}
+    assert report["error"]["wanted"] == pytest.approx(0.01)
+    assert report["error"]["estimated"]["lumels_audited"] > 0
+    assert seen["after_keep"] != []
+    assert seen["after_undo"] == []
+
+
+def test_loading_a_file_and_quitting_end_a_bake(seen: dict[str, Any]) -> None:
+    # Blender was quit in the middle of a bake, and its exit code was 0.
+    assert not seen["runs_after_load"]
+    assert seen["runs_at_quit"]
