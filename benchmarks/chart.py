@@ -4,8 +4,8 @@
     python benchmarks/chart.py --scenes cornell --programs ours cycles oidn --output out/chart
     python benchmarks/chart.py --draw                             draw the tables that are there
 
-Writes accuracy.csv and accuracy.png (lightmaps), form_factors.csv and form_factors.png (single form factors). Programs
-that are not installed are made so first, in an environment of their own (.venv-peers); docs/peers.md tells of them.
+Writes accuracy.csv and accuracy.png (lightmaps), form_factors.csv and form_factors.png (single form factors). Other
+people's programs are installed first, in an environment of their own (.venv-peers); docs/peers.md tells of them.
 """
 
 from __future__ import annotations

@@ -11,8 +11,8 @@ from .cases import Case
 Row = tuple[str, str, int, float, float, float]
 
 SCRIPT = Path(environment.__file__).with_name("view_factors.py")
-# What each program is asked for; and what it must be given for the same, where nothing stands between the polygons:
-# pyviewfactor is then at its limit with one pair.
+# The sample counts that each program is asked for. Where nothing stands between the polygons pyviewfactor is at its
+# limit with few pairs.
 LADDERS = {
     "pyviewfactor": (1, 16, 256, 4096, 65536),
     "raystrack rays": (16, 256, 4096, 65536),

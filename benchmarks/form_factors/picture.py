@@ -1,8 +1,12 @@
-"""Error against seconds for single form factors, one curve a method, as a picture."""
+"""Error against seconds for single form factors, one curve a method, as a picture.
+
+    python -m radiosity.benchmarks.form_factors.picture TABLE.csv PICTURE.png
+"""
 
 from __future__ import annotations
 
 import csv
+import sys
 from pathlib import Path
 
 import matplotlib
@@ -52,3 +56,7 @@ def draw(table: Path, picture: Path) -> None:
 def _bounded(error: float) -> float:
     # Not a number: nodes of a contour that coincide.
     return CEILING if error != error else min(max(error, FLOOR), CEILING)
+
+
+if __name__ == "__main__":
+    draw(Path(sys.argv[1]), Path(sys.argv[2]))

@@ -10,11 +10,13 @@ from __future__ import annotations
 
 import argparse
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
+from radiosity.solver import image_file
 
 from ..cycles import compare, reference
 from ..cycles.compare import Comparison, Row
@@ -22,11 +24,13 @@ from ..cycles.scenes import CASES, Case, case_named
 from . import denoised, environment, twin_arrays
 from .environment import PeerError
 
+Float = NDArray[np.floating[Any]]
+
 ERRORS = (0.1, 0.03)
 CYCLES_SAMPLES = (16, 64, 256)
 # A renderer's own knob, samples a lumel.
 MITSUBA_SAMPLES = (16, 64, 256)
-LUXCORE_SAMPLES = (16, 64, 256)
+LUXCORE_SAMPLES = (16, 64)
 # A lumel is the mean over the central half of its texel, as in Cycles.
 FOOTPRINT = 0.5
 FOLDER = Path(__file__).parent
@@ -67,27 +71,42 @@ def run_mitsuba(comparison: Comparison) -> None:
     if environment.llvm() is None:
         raise PeerError(f"Mitsuba's vectorised mode needs the library of LLVM {environment.LLVM}: set "
                         "DRJIT_LIBLLVM_PATH to it (its scalar mode takes no wavefront of rays)")
-    _run_renderer(comparison, "mitsuba", MITSUBA_SAMPLES)
+    resolution = int(comparison.known["resolution"])
+    for row, arrays in _renderer(comparison, "mitsuba", MITSUBA_SAMPLES):
+        radiance = twin_arrays.images(np.load(row["values"]), arrays, resolution)
+        _add(comparison, "mitsuba", row["samples"], radiance, row["seconds"], row["cpu_seconds"], "this run")
 
 
 def run_luxcore(comparison: Comparison) -> None:
     """LuxCore's BAKECPU engine on the same layouts."""
     environment.require("pyluxcore")
-    _run_renderer(comparison, "luxcore", LUXCORE_SAMPLES)
+    resolution = int(comparison.known["resolution"])
+    for row, arrays in _renderer(comparison, "luxcore", LUXCORE_SAMPLES):
+        names = [str(name) for name in arrays["page_names"]]
+        radiance = {name: _whole(Path(path), comparison.squares[name], resolution)
+                    for name, path in zip(names, row["images"], strict=True)}
+        _add(comparison, "luxcore", row["samples"], radiance, row["seconds"], row["cpu_seconds"], "this run")
 
 
-def _run_renderer(comparison: Comparison, program: str, samples: tuple[int, ...]) -> None:
-    """A script of this folder that gets the twin's arrays and answers with values of the lumels."""
-    folder, resolution = comparison.case.folder / "peers", int(comparison.known["resolution"])
-    arrays = twin_arrays.write(comparison.case, comparison.known, folder)
-    request = {"arrays": str(arrays), "samples": list(samples), "seed": reference.TIMED_SEED, "footprint": FOOTPRINT,
-               "bounces": reference.BOUNCES, "resolution": resolution, "squares": comparison.squares}
+def _whole(path: Path, side: int, resolution: int) -> Float:
+    """LuxCore's map of a square as the whole image, row 0 at v = 0 (LuxCore writes it the other way up)."""
+    image = np.zeros((resolution, resolution, 3), np.float32)
+    image[:side, :side] = image_file.read_exr(path)[::-1]
+    return image
+
+
+def _renderer(comparison: Comparison, program: str, samples: tuple[int, ...]) -> Iterator[tuple[dict[str, Any], Any]]:
+    """Rows of the answer of a script of this folder that gets the twin's arrays, and those arrays."""
+    folder = comparison.case.folder / "peers"
+    path = twin_arrays.write(comparison.case, comparison.known, folder)
+    request = {"arrays": str(path), "samples": list(samples), "seed": reference.TIMED_SEED, "footprint": FOOTPRINT,
+               "bounces": reference.BOUNCES, "resolution": int(comparison.known["resolution"]),
+               "squares": comparison.squares}
     answer = environment.run(FOLDER / f"{program}_bake.py", request, folder)
-    with np.load(arrays) as archive:
-        known = {name: archive[name] for name in archive.files}
+    with np.load(path) as archive:
+        arrays = {name: archive[name] for name in archive.files}
     for row in answer["rows"]:
-        radiance = twin_arrays.images(np.load(row["values"]), known, resolution)
-        _add(comparison, program, row["samples"], radiance, row["seconds"], row["cpu_seconds"], "this run")
+        yield row, arrays
 
 
 def _add(comparison: Comparison, program: str, samples: int, radiance: Any, seconds: float, cpu_seconds: float,

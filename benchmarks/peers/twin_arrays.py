@@ -34,7 +34,7 @@ def write(case: Case, known: dict[str, Any], folder: Path) -> Path:
 
     corners (t, 3, 3), reflectance (t, 3), radiance (t, 3) of each side of a triangle, surface (t,) its object;
     lamp_corners (l, 3, 3), lamp_radiance (l, 3): triangles of lamps, which shine where their corners turn left;
-    sky (3,); lumel_triangle (n,), lumel_weight (n, 2), lumel_step (n, 2, 2), lumel_normal (n, 3), lumel_page (n,) and
+    sky (3,); layout (t, 3, 2), the corners in their image; page_of_surface (objects,), -1 where none; lumel_triangle (n,), lumel_weight (n, 2), lumel_step (n, 2, 2), lumel_normal (n, 3), lumel_page (n,) and
     lumel_pixel (n,) as `solver.lumels` has them; page_names.
 
     Raises
@@ -61,6 +61,8 @@ def write(case: Case, known: dict[str, Any], folder: Path) -> Path:
         lamp_corners=(lamps - scene.origin).astype(np.float32),
         lamp_radiance=lamp_radiance,
         sky=_sky(scene),
+        page_of_surface=found.page_of_surface,
+        layout=_layout(scene, found.uv),
         lumel_triangle=found.receivers.triangle,
         lumel_weight=found.receivers.barycentric,
         lumel_step=found.receivers.footprint,
@@ -82,6 +84,14 @@ def images(values: Float, arrays: Any, resolution: int) -> dict[str, Float]:
         image[arrays["lumel_pixel"][mine]] = values[mine]
         found[str(name)] = image.reshape(resolution, resolution, 3)
     return found
+
+
+def _layout(scene: Scene, layouts: tuple[Float | None, ...]) -> Float:
+    uv = np.zeros((len(scene.triangles), 3, 2), np.float32)
+    for surface, layout in zip(scene.surfaces, layouts, strict=True):
+        if layout is not None:
+            uv[surface.triangles] = layout
+    return uv
 
 
 def _exported(case: Case, settings: Settings) -> Scene:
