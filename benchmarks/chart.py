@@ -54,7 +54,7 @@ def measure(scenes: list[str], programs: list[str], output: Path) -> None:
         lines = tables[0][:1] + [line for table in tables for line in table[1:]]
         (output / "accuracy.csv").write_text("\n".join(lines) + "\n")
     if "form_factors" in programs and run("radiosity.benchmarks.form_factors.run", "--output",
-                                          str(output / "form_factors.csv"), "--most", "4096", "--peers"):
+                                          str(output / "form_factors.csv"), "--peers"):
         sys.exit("the form factors could not be measured")
 
 
@@ -81,7 +81,8 @@ def draw_bakes(table: Path, picture: Path) -> None:
         axis.grid(True, which="both", alpha=0.3)
         _plain_ticks(axis)
     axes[0][0].set_ylabel("relative RMS error, %")
-    handles = {label: handle for axis in axes[0] for handle, label in zip(*axis.get_legend_handles_labels(), strict=True)}
+    handles = {label: handle for axis in axes[0]
+               for handle, label in zip(*axis.get_legend_handles_labels(), strict=True)}
     figure.legend(handles.values(), handles.keys(), loc="outside right center")
     figure.savefig(picture, dpi=100)
     plt.close(figure)
@@ -116,7 +117,7 @@ def main(arguments: list[str] | None = None) -> int:
     parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
     parser.add_argument("--draw", action="store_true", help="draw the tables that are there, without measuring")
     parser.add_argument("--scenes", nargs="+", default=list(SCENES), help=f"({' '.join(SCENES)})")
-    parser.add_argument("--programs", nargs="+", choices=PROGRAMS, default=list(PROGRAMS), help="what is measured (all)")
+    parser.add_argument("--programs", nargs="+", choices=PROGRAMS, default=list(PROGRAMS), help="all by default")
     parser.add_argument("--output", type=Path, default=ROOT / "docs", help="folder of tables and pictures (docs)")
     chosen = parser.parse_args(arguments)
     chosen.output.mkdir(parents=True, exist_ok=True)

@@ -37,8 +37,8 @@ def draw(table: Path, picture: Path) -> None:
                       if (row["case"], row["method"]) == (name, method)]
             if points:
                 ours = method == "ours"
-                axis.loglog(*zip(*points, strict=True), "*" if ours else "o-", color="black" if ours else colours[method],
-                            markersize=14 if ours else 4, label=method, zorder=3 if ours else 2)
+                axis.loglog(*zip(*points, strict=True), "*" if ours else "o-", label=method, zorder=3 if ours else 2,
+                            color="black" if ours else colours[method], markersize=14 if ours else 4)
         axis.set_title(f"{name}: {BY_NAME[name].about}", fontsize=10)
         axis.grid(True, alpha=0.3)
         axis.set_ylim(FLOOR / 3, CEILING * 3)

@@ -1,1 +1,1 @@
-"""Other people's programs on the same lumels and the same form factors, in an environment of their own (docs/peers.md)."""
+"""Other people's programs on the same lumels and form factors, in an environment of their own (docs/peers.md)."""

@@ -54,7 +54,7 @@ def make() -> list[str]:
 
 
 def llvm() -> Path | None:
-    """The LLVM library that Mitsuba compiles with: DRJIT_LIBLLVM_PATH, or the one that `make` put here; None without."""
+    """The LLVM library that Mitsuba compiles with: DRJIT_LIBLLVM_PATH, or the one that `make` put here; or None."""
     given = os.environ.get("DRJIT_LIBLLVM_PATH")
     found = [Path(given)] if given else sorted((FOLDER / "llvm").glob(f"usr/lib/*/libLLVM.so.{LLVM}*"))
     return found[0] if found else None

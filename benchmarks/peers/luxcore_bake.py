@@ -2,10 +2,10 @@
 
     luxcore_bake.py REQUEST.json ANSWER.json
 
-Each receiver is a map of type LIGHTMAP (which is E / pi) with its own UV layout; first row on top. The engine spreads its samples over a map's surface and
-splats them by the pixel filter; with none, a texel is the mean over all of it, not over the central half as in Cycles:
-where light changes within a texel the two differ for that reason alone. Emissive faces get a second face a hair behind
-them, as for Mitsuba.
+Each receiver is a map of type LIGHTMAP (which is E / pi) with its own UV layout; first row on top. The engine spreads
+its samples over a map's surface and splats them by the pixel filter; with none, a texel is the mean over all of it, not
+over the central half as in Cycles: where light changes within a texel the two differ for that reason alone. Emissive
+faces get a second face a hair behind them, as for Mitsuba.
 """
 
 from __future__ import annotations

@@ -2,8 +2,8 @@
 
     python -m benchmarks.peers.run cornell --programs ours cycles oidn mitsuba luxcore
 
-Rows are those of benchmarks.cycles.compare, written to out/benchmarks/NAME/peers.csv. What a program can't do is printed
-and written beside it as peers.txt: a missing curve has a reason.
+Rows are those of benchmarks.cycles.compare, written to out/benchmarks/NAME/peers.csv. What a program can't do is
+printed and written beside it as peers.txt: a missing curve has a reason.
 """
 
 from __future__ import annotations

@@ -34,7 +34,8 @@ def write(case: Case, known: dict[str, Any], folder: Path) -> Path:
 
     corners (t, 3, 3), reflectance (t, 3), radiance (t, 3) of each side of a triangle, surface (t,) its object;
     lamp_corners (l, 3, 3), lamp_radiance (l, 3): triangles of lamps, which shine where their corners turn left;
-    sky (3,); layout (t, 3, 2), the corners in their image; page_of_surface (objects,), -1 where none; lumel_triangle (n,), lumel_weight (n, 2), lumel_step (n, 2, 2), lumel_normal (n, 3), lumel_page (n,) and
+    sky (3,); layout (t, 3, 2), the corners in their image; page_of_surface (objects,), -1 where none;
+    lumel_triangle (n,), lumel_weight (n, 2), lumel_step (n, 2, 2), lumel_normal (n, 3), lumel_page (n,) and
     lumel_pixel (n,) as `solver.lumels` has them; page_names.
 
     Raises
