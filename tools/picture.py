@@ -22,8 +22,10 @@ import numpy as np
 TO_RADIANCE = {"radiance": 1.0, "irradiance": 1 / math.pi, "radiosity": 1 / math.pi, "illuminance": 1 / (683 * math.pi)}
 SIDE = 800
 SAMPLES = 16
-# Where the upper quartile of the baked radiance is put, in display-linear light.
+# Where the upper quartile of the picture's brightest channel is put, in display-linear light, and the small picture
+# that it is found from.
 UPPER_QUARTILE = 0.6
+METER_PERCENTAGE, METER_SAMPLES = 25, 4
 
 
 class PictureError(Exception):
@@ -72,10 +74,19 @@ def emit_instead(tree: Any, output: dict[str, Any], folder: Path, quantity: str)
             connect(links, node.inputs["Emission Strength"], own.inputs["Strength"])
             links.new(result, both.inputs[0])
             links.new(own.outputs["Emission"], both.inputs[1])
-            result = both.outputs["Shader"]
+            result = cut_out(nodes, links, node, both.outputs["Shader"])
         for link in list(node.outputs["BSDF"].links):
             links.new(result, link.to_socket)
         nodes.remove(node)
+
+
+def cut_out(nodes: Any, links: Any, principled: Any, shader: Any) -> Any:
+    """A shader that is seen through where the Principled one was."""
+    mix, clear = nodes.new("ShaderNodeMixShader"), nodes.new("ShaderNodeBsdfTransparent")
+    connect(links, principled.inputs["Alpha"], mix.inputs["Fac"])
+    links.new(clear.outputs["BSDF"], mix.inputs[1])
+    links.new(shader, mix.inputs[2])
+    return mix.outputs["Shader"]
 
 
 def connect(links: Any, source: Any, target: Any) -> None:
@@ -112,20 +123,22 @@ def show_baked(report: dict[str, Any], folder: Path) -> None:
             emit_instead(material.node_tree, output, folder, quantity)
 
 
-def baked_values(report: dict[str, Any], folder: Path) -> np.ndarray[Any, np.dtype[np.float32]]:
-    """(n,) float32, every value above zero of every image, as radiance."""
+def metered(scene: Any, folder: Path) -> float:
+    """The exposure, in stops, that puts the upper quartile of what the camera sees where it belongs."""
     import bpy
 
-    paths = sorted({output["image"] for output in report["outputs"] if output["target"] == "lightmap"})
-    values = []
-    for path in paths:
-        image = bpy.data.images.load(str(folder / path), check_existing=True)
-        pixels = np.empty(len(image.pixels), np.float32)
-        image.pixels.foreach_get(pixels)
-        rgb = pixels.reshape(-1, image.channels)[:, :3]
-        values.append(rgb[rgb > 0])
-    scale = np.float32(TO_RADIANCE[report["settings"]["quantity"]])
-    return np.concatenate(values) * scale if values else np.empty(0, np.float32)
+    shape = scene.render
+    whole = shape.resolution_percentage
+    shape.resolution_percentage, scene.cycles.samples = METER_PERCENTAGE, METER_SAMPLES
+    shape.image_settings.file_format, shape.filepath = "OPEN_EXR", str(folder / "meter.exr")
+    bpy.ops.render.render(write_still=True)
+    shape.resolution_percentage = whole
+    image = bpy.data.images.load(shape.filepath)
+    pixels = np.empty(len(image.pixels), np.float32)
+    image.pixels.foreach_get(pixels)
+    light = pixels.reshape(-1, image.channels)[:, :3].max(axis=1)
+    light = light[light > 0]
+    return math.log2(UPPER_QUARTILE / float(np.quantile(light, 0.75))) if len(light) else 0.0
 
 
 def place_camera(scene: Any, names: list[str]) -> None:
@@ -149,7 +162,7 @@ def place_camera(scene: Any, names: list[str]) -> None:
     scene.camera = camera
 
 
-def render(blend: Path, report_path: Path, picture: Path, exposure: float | None) -> None:
+def render(blend: Path, report_path: Path, picture: Path, exposure: float | None, side: int = SIDE) -> None:
     """Open the .blend, show the lightmaps, write the PNG."""
     import bpy
 
@@ -161,23 +174,21 @@ def render(blend: Path, report_path: Path, picture: Path, exposure: float | None
     show_baked(report, report_path.parent)
     if scene.camera is None:
         place_camera(scene, [output["object"] for output in report["outputs"]])
-    values = baked_values(report, report_path.parent)
-    if exposure is None:
-        exposure = math.log2(UPPER_QUARTILE / float(np.quantile(values, 0.75))) if len(values) else 0.0
     scene.view_settings.view_transform = "Standard"
     scene.view_settings.look = "None"
-    scene.view_settings.exposure = exposure
     shape = scene.render
-    scale = SIDE / max(shape.resolution_x, shape.resolution_y)
+    scale = side / max(shape.resolution_x, shape.resolution_y)
     shape.resolution_x, shape.resolution_y = round(shape.resolution_x * scale), round(shape.resolution_y * scale)
     shape.resolution_percentage = 100
     shape.engine = "CYCLES"
     scene.cycles.device = "CPU"
-    scene.cycles.samples = SAMPLES
     scene.cycles.max_bounces = 0
     scene.cycles.use_denoising = False
     shape.use_compositing = shape.use_sequencer = False
-    shape.image_settings.file_format = "PNG"
+    with tempfile.TemporaryDirectory(prefix="radiosity-meter-") as folder:
+        scene.view_settings.exposure = metered(scene, Path(folder)) if exposure is None else exposure
+    scene.cycles.samples = SAMPLES
+    shape.image_settings.file_format, shape.image_settings.color_depth = "PNG", "8"
     shape.image_settings.color_mode = "RGB"
     shape.filepath = str(picture)
     bpy.ops.render.render(write_still=True)
@@ -189,7 +200,8 @@ def main() -> int:
     parser.add_argument("blend", type=Path, help="the .blend that the bake saved")
     parser.add_argument("picture", type=Path, help="the PNG to write")
     parser.add_argument("--report", type=Path, help="the bake's report (default: report.json beside the .blend)")
-    parser.add_argument("--exposure", type=float, help="stops; by default from the baked light itself")
+    parser.add_argument("--exposure", type=float, help="stops; by default from what the camera sees")
+    parser.add_argument("--side", type=int, default=SIDE, help=f"pixels of the longer side (default: {SIDE})")
     arguments = parser.parse_args()
     report = arguments.report or arguments.blend.parent / "report.json"
     for path in (arguments.blend, report):
@@ -199,7 +211,8 @@ def main() -> int:
     with tempfile.TemporaryDirectory(prefix="radiosity-picture-") as folder:
         os.environ.setdefault("BLENDER_USER_RESOURCES", folder)
         try:
-            render(arguments.blend.absolute(), report.absolute(), arguments.picture.absolute(), arguments.exposure)
+            render(arguments.blend.absolute(), report.absolute(), arguments.picture.absolute(), arguments.exposure,
+                   arguments.side)
         except PictureError as error:
             print(f"error: {error}", file=sys.stderr)
             return 1
