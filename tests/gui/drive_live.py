@@ -1,9 +1,10 @@
 """Run by Blender in its window: watches bakes by mouse, ends them in every way, and times the window meanwhile.
 
 Started as `drive.py` is, with a job of tab, shots, settings, fingerprint and result. Its results: the longest times
-that the window did not answer, by what went on ("idle" is before any bake, "write" the end of one); seconds to the
-first look, and from Esc to the end; how the file differs afterwards; what the report says of a kept draft. At the end
-Blender is quit in the middle of a bake.
+that the window did not answer, by what went on ("idle" is before any bake, "write" the end of one), and the longest of
+these that the extension itself had the window's thread work, in one go; seconds to the first look, and from Esc to the
+end; how the file differs afterwards; what the report says of a kept draft. At the end Blender is quit in the middle of
+a bake.
 """
 
 from __future__ import annotations
@@ -25,13 +26,43 @@ import drive  # type: ignore[import-not-found]
 TICK, IDLE, LONGEST = 0.01, 3.0, 240.0
 # Times that the button is pressed until it takes.
 TRIES = 3
+# Seconds for a new look to be drawn in software.
+SHOWN = 3.0
 GAPS: dict[str, float] = {}
+OWN: dict[str, float] = {}
+
+
+def module(name: str) -> Any:
+    """One of the extension's own."""
+    return sys.modules[next(full for full in sys.modules if full.endswith(f".radiosity_lightmaps.{name}"))]
 
 
 def current() -> Any:
     """The job that is on its way, or None."""
-    name = next(name for name in sys.modules if name.endswith(".radiosity_lightmaps.radiosity_addon.job"))
-    return sys.modules[name].Job.current
+    return module("radiosity_addon.job").Job.current
+
+
+def time_own_calls() -> None:
+    """Note how long the extension keeps the window's thread busy: seconds of its work, whatever else runs here."""
+    bake, overlay = module("operators.bake").RADIOSITY_OT_bake, module("radiosity_addon.look_overlay")
+
+    def timed(call: Callable[..., Any], name: str) -> Callable[..., Any]:
+        def with_clock(*arguments: Any) -> Any:
+            job, begun, result = current(), time.thread_time(), None
+            stage = name or ("" if job is None else job.progress.stage)
+            try:
+                result = call(*arguments)
+            finally:
+                what = stage if result is None else "write"
+                OWN[what] = max(OWN.get(what, 0.0), time.thread_time() - begun)
+            return result
+
+        return with_clock
+
+    bake._tick = timed(bake._tick, "")
+    overlay.detach()
+    overlay._draw = timed(overlay._draw, "draw")
+    overlay.attach()
 
 
 def title() -> str:
@@ -79,8 +110,10 @@ def cancelled(before: Any) -> Iterator[float]:
     yield from start()
     yield from watch(lambda: title() != "")
     drive.SEEN["seconds_to_look"] = current().progress.elapsed
+    yield SHOWN
     yield from drive.shot("live-1-first-look")
     yield from watch(lambda: title().startswith("error"))
+    yield SHOWN
     yield from drive.shot("live-2-draft")
     window, _, _ = drive.sidebar()
     pressed = time.monotonic()
@@ -119,6 +152,7 @@ def steps() -> Iterator[float]:
     """The whole visit."""
     for name, value in drive.JOB["settings"].items():
         setattr(bpy.context.scene.radiosity, name, value)
+    time_own_calls()
     yield from drive.open_tab(drive.JOB["tab"])
     yield from drive.view_camera()
     over = time.monotonic() + IDLE
@@ -146,7 +180,7 @@ def tick() -> float | None:
     except Exception:  # noqa: BLE001 - whatever went wrong belongs into the result, and the window must close
         error = traceback.format_exc()
         drive.photograph("live-error")
-    seen = {**drive.SEEN, "gaps": GAPS}
+    seen = {**drive.SEEN, "gaps": GAPS, "own": OWN}
     Path(drive.JOB["result"]).write_text(json.dumps({"error": error, "seen": seen}), encoding="utf-8")
     bpy.ops.wm.quit_blender()
     return None
