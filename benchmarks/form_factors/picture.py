@@ -29,7 +29,7 @@ def draw(table: Path, picture: Path) -> None:
     with table.open(newline="") as file:
         rows = list(csv.DictReader(file))
     methods = list(dict.fromkeys(row["method"] for row in rows))
-    colours = dict(zip(methods, plt.get_cmap("tab20").colors[::2] + plt.get_cmap("tab20").colors[1::2], strict=False))
+    colours = {method: f"C{index}" for index, method in enumerate(method for method in methods if method != "ours")}
     figure, axes = plt.subplots(2, 4, figsize=(16, 8), sharex=True, sharey=True, layout="constrained")
     for axis, name in zip(axes.flat, SHOWN, strict=True):
         for method in methods:

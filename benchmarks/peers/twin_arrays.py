@@ -115,7 +115,7 @@ def _lamps(scene: Scene) -> tuple[Float, Float]:
     corners, radiance = [np.empty((0, 3, 3))], [np.empty((0, 3), np.float32)]
     for lamp in scene.lights:
         if not isinstance(lamp, Area) or lamp.spread < np.pi:
-            raise PeerError(f"the lamp {lamp.name!r} is no plain area lamp: other programs have none that is the same")
+            raise PeerError(f"the lamp {lamp.name!r} is no plain area lamp: only those are handed on")
         outline = lamp.outline(LAMP_CORNERS if lamp.round else 4)
         fan = np.stack([np.broadcast_to(outline[0], outline[1:-1].shape), outline[1:-1], outline[2:]], axis=1)
         corners.append(fan)
