@@ -129,6 +129,14 @@ def test_a_draft_of_vertex_colours_can_be_kept(square):
     assert looks
 
 
+def test_a_kept_draft_has_no_light_groups_and_says_so(square):
+    job = live(replace(square, groups="lamp"))
+    job.good_enough()
+    work(job)
+    report = ended(job).report
+    assert [warning["code"] for warning in report["warnings"]] == ["no_groups"]
+
+
 @pytest.mark.parametrize("keep", [False, True])
 def test_esc_leaves_the_file_as_it_was_or_keeps_the_draft_as_the_user_chose(square, keep):
     # Esc in the middle of the result's own work, which takes long. Exact answer: an error and no folder; or the draft.
