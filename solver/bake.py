@@ -123,7 +123,6 @@ class _Work:
             some = np.arange(0, len(places), step)
             self.seen = Gather(transport, PILOT_RAYS, seed + 1).meet(self.fans, some, self.run)
             transport.meet_whole(cells.companions(COMPLETE_CELLS))
-            transport.note(self.seen)
         with self.stages("form factors"):
             transport.discover(self.plan.row_rays)
         with self.stages("solve"):

@@ -8,19 +8,17 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from .cells import NOTHING
+from .cells import NOTHING, Cells
 from .footprints import CellFootprints
-from .parallel import Run, slices
-from .sampling import cosine_directions, kronecker, shifted, shifts, uniform
-from .tables import mean_over_rays
+from .parallel import Run
+from .sampling import kronecker, uniform
 from .transport import Transport
 
 Float = NDArray[np.floating[Any]]
 Int = NDArray[np.integer[Any]]
 
-# Places at which light is added up, and rays of each (shadow rays to a lamp, and rays that gather).
+# Places at which direct light is added up, and shadow rays from each to a lamp.
 DRAWS, RAYS = 2**15, 8
-CHUNK = 2**17
 # Where cells seem dark, places are as dense as if they had this part of the mean light.
 LEAST_SHARE = 0.1
 
@@ -49,66 +47,57 @@ class EnergyBalance:
 
 
 def energy_balance(transport: Transport, seed: int, run: Run) -> EnergyBalance:
-    """Add up what lands on the met cells and leaves them, at points spread evenly over each.
+    """Add up the solved patches.
 
-    Cells and patches know the light of those parts of them that are seen. Here all of their area counts, so every term
-    is estimated anew: direct light by shadow rays, indirect light by rays that read the solution where they land. Of
-    many cells some are drawn, in proportion to what they seem to carry.
+    Cells know the direct light of those parts of them that are seen. Here all of their area counts, so direct light is
+    asked for anew, at places that are spread evenly over each. Of many cells some are drawn, in proportion to what they
+    seem to get.
     """
-    met = transport.met
-    if not len(met):
+    met, patch, count = transport.met, transport.cell_patch, len(transport.patches)
+    if not count:
         return EnergyBalance(0.0, 0.0, 0.0)
-    carried = (met.incident + met.emission + np.nan_to_num(transport.irradiance)[transport.cell_patch]).mean(axis=1)
     area = _solid_area(transport)
-    weight = area * (carried + LEAST_SHARE * np.average(carried, weights=np.maximum(area, 1e-30)))
-    running = np.cumsum(weight, dtype=np.float64)
+    solved = ~np.isnan(transport.irradiance[:, 0])
+    indirect = np.nan_to_num(transport.irradiance)[patch]
+
+    def total(values: Float) -> Float:
+        return np.asarray(np.bincount(patch, area * values.mean(axis=1), count), np.float64)
+
+    drawn, weight = _drawn(area * (met.incident.mean(axis=1) + LEAST_SHARE * met.incident.mean()), seed)
+    weight = weight * area[drawn]
+    landing = met.light.irradiance(_Draws(transport.cells, met.cells.side[drawn]), run, pilot=RAYS)
+
+    def landed(part: Float | float = 1.0) -> Float:
+        return np.asarray(np.bincount(patch[drawn], weight * (landing * part).mean(axis=1), count), np.float64)
+
+    reflectance = met.reflectance[drawn]
+    leaving = total(met.emission + met.reflectance * indirect) + landed(reflectance)
+    size = np.bincount(patch, area, count)
+    sky, free = np.zeros(count), np.zeros(count)
+    for rows in transport.rows:
+        sky[rows.patch] = rows.mean_sky().mean(axis=1) * size[rows.patch]
+        free[rows.patch] = (rows.hits == NOTHING).mean(axis=1)
+    absorbed = total((1 - met.reflectance) * indirect) + landed(1 - reflectance)
+    part = [float(values[solved].sum()) for values in (total(met.emission) + landed() + sky, absorbed, leaving * free)]
+    return EnergyBalance(*part)
+
+
+def _drawn(share: Float, seed: int) -> tuple[Int, Float]:
+    """Cells drawn systematically in proportion to their shares, and for how many cells each stands."""
+    running = np.cumsum(share, dtype=np.float64)
     if running[-1] <= 0:
-        return EnergyBalance(0.0, 0.0, 0.0)
+        return np.empty(0, np.int64), np.empty(0)
     place = (np.arange(DRAWS) + uniform(np.zeros(1, np.int64), 0, seed + 71)) / DRAWS * running[-1]
-    drawn = np.minimum(np.searchsorted(running, place, side="right"), len(met) - 1)
-    counts = area[drawn] * running[-1] / np.maximum(weight[drawn], 1e-30) / DRAWS
-    places = _Flat(transport.cells, met.cells.side[drawn])
-    # Each draw is a place of its own, though several may fall into one cell.
-    places.identity = np.arange(DRAWS, dtype=np.int64)
-    incident = met.light.irradiance(places, run, pilot=RAYS)
-    parts = run.map(lambda part: _gathered(transport, places, part, seed), slices(DRAWS, CHUNK // RAYS))
-    indirect, sky, free = (np.concatenate([part[index] for part in parts]) for index in range(3))
-    reflectance, emission = met.reflectance[drawn], met.emission[drawn]
-    leaving = emission + reflectance * (incident + indirect)
-
-    def total(values: Float) -> float:
-        return float((counts * values.mean(axis=1)).sum())
-
-    return EnergyBalance(total(emission + incident + sky), total((1 - reflectance) * (incident + indirect)),
-                         total(leaving * free[:, None]))
+    drawn = np.minimum(np.searchsorted(running, place, side="right"), len(share) - 1)
+    return drawn, running[-1] / np.maximum(share[drawn], 1e-30) / DRAWS
 
 
-def _gathered(transport: Transport, places: _Flat, part: slice, seed: int) -> tuple[Float, Float, Float]:
-    """Indirect irradiance with the sky's (n, 3), the sky's alone (n, 3), and the part of the rays that meet nothing."""
-    rows = np.arange(part.start, part.stop)
-    points = kronecker(RAYS, 4)
-    move = shifts(places.identity[rows], 4, seed + 73)
-    x, y, u, v = (shifted(points[:, axis], move[:, axis]).reshape(-1) for axis in range(4))
-    start, normals = places.sample(np.repeat(rows, RAYS), x, y)
-    met = transport.trace(start, cosine_directions(normals, u[:, None], v[:, None])[:, 0])
-    brought = np.take(transport.table(), transport.cells.rows(met.sides), axis=0)
-    sky = np.zeros((len(start), 3), np.float32)
-    sky[met.missed] = met.sky
-    free = (met.sides == NOTHING).reshape(-1, RAYS).mean(axis=1)
-    sky = sky.reshape(-1, RAYS, 3).mean(axis=1)
-    return mean_over_rays(brought, RAYS) + sky, sky, free
+class _Draws(CellFootprints):
+    """Cells of which some stand there more than once, each time with places of its own."""
 
-
-class _Flat(CellFootprints):
-    """Cells without their shading normals, which do not keep energy."""
-
-    def sample(self, rows: Int, x: Float, y: Float) -> tuple[Float, Float]:
-        """See Footprints."""
-        triangle, u, v, front = self.cells.places(self.sides[rows], x, y)
-        geometry = self.cells.geometry
-        normals = geometry.normal[triangle]
-        points = geometry.lifted(geometry.point(triangle, u, v), triangle, front)
-        return points, np.where(front[:, None], normals, -normals)
+    def __init__(self, cells: Cells, sides: NDArray[np.int64]) -> None:
+        super().__init__(cells, sides)
+        self.identity = np.arange(len(sides), dtype=np.int64)
 
 
 def _solid_area(transport: Transport) -> Float:

@@ -34,9 +34,6 @@ Int = NDArray[np.integer[Any]]
 CHUNK_RAYS = 2**17
 # Generations of patches that see patches that see ... before what is newly met is left to an average.
 MOST_WAVES = 8
-# A patch's light is the mean over its cells as they are seen: where rays of other patches and receivers met them, with
-# this many hits spread evenly, for those that few rays look at.
-PRIOR_HITS = 1.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -85,7 +82,6 @@ class Transport:
         self.met = MetCells(geometry, direct, sampled_emitter, cells, seed, run)
         self._seed, self._run = seed, run
         self._cell_patch = Growing((), np.int32)
-        self._hits = np.zeros(0)
         self.irradiance = np.empty((0, 3), np.float32)
         self.split = direct.split
         self.apart = np.empty((0 if self.split is None else len(self.split), 0, 3), np.float32)
@@ -215,22 +211,18 @@ class Transport:
             self.meet([piece[3] for piece in pieces])
             hits = self.cells.rows(sides.reshape(-1)).reshape(sides.shape)
             sky = None if self.geometry.scene.sky.is_black else np.concatenate([piece[1] for piece in pieces])
-            self.note(hits.reshape(-1))
             traced.append(Rows(these, hits, np.concatenate([piece[2] for piece in pieces]), sky))
         return traced
 
     def _members(self, patches: NDArray[np.int32]) -> tuple[Int, Float, Int]:
-        """Met cells of some patches in the patches' order, the running sum of their weights, and where each begins."""
+        """Met cells of some patches in the patches' order, the running sum of their areas, and where each begins."""
         place = np.full(len(self.patches), -1, np.int32)
         place[patches] = np.arange(len(patches))
         cells = np.flatnonzero(place[self.cell_patch] >= 0)
         order = cells[np.argsort(place[self.cell_patch[cells]], kind="stable")]
         area = self.cells.area(self.cells.side[order]).astype(np.float64)
         begins = np.searchsorted(place[self.cell_patch[order]], np.arange(len(patches) + 1))
-        part = area / np.repeat(np.add.reduceat(area, begins[:-1]), np.diff(begins))
-        hits = np.zeros(len(self.cells))
-        hits[: len(self._hits)] = self._hits
-        running = np.concatenate([[0.0], np.cumsum(part * PRIOR_HITS + hits[order])])
+        running = np.concatenate([[0.0], np.cumsum(area)])
         return order, running, begins
 
     def _row_rays(self, patches: NDArray[np.int32], rays: int, order: Int, running: Float, begins: Int,
@@ -256,12 +248,6 @@ class Transport:
         eighth = self.patches.part(points3, np.repeat(patches[part], rays))
         return (met.sides.reshape(-1, rays), sky.reshape(-1, rays, 3), eighth.reshape(-1, rays),
                 met.fresh(self.cells))
-
-    def note(self, hits: NDArray[np.int32]) -> None:
-        """Count how often rays met each cell: rows (n,), NOTHING for the sky."""
-        count = np.bincount(hits[hits >= 0], minlength=len(self.cells)).astype(np.float64)
-        count[: len(self._hits)] += self._hits
-        self._hits = count
 
     # --- solve ---------------------------------------------------------------------------------------------------
     def discover(self, rays: int) -> None:
