@@ -66,6 +66,7 @@ class RADIOSITY_OT_bake(bpy.types.Operator):
         manager.progress_begin(0, 100)
         self._timer = manager.event_timer_add(TICK, window=context.window)
         manager.modal_handler_add(self)
+        redraw_views(context)
         return {"RUNNING_MODAL"}
 
     def modal(self, context: Any, event: Any) -> set[str]:

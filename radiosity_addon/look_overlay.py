@@ -66,11 +66,14 @@ def _draw() -> None:
     import gpu
 
     job, context = Job.current, bpy.context
-    look = job.look if job is not None and job.scene_name == context.scene.name else None
+    if job is None or job.scene_name != context.scene.name:
+        _drawn.clear()
+        return
+    # Made while the scene is still read, so that the first look has not to wait for it.
+    shader, look = _made(), job.look
     if look is None:
         _drawn.clear()
         return
-    shader = _made()
     if not _drawn or _drawn[0].look is not look:
         _drawn[:] = [_Drawn(look, tuple(_parts(look, shader)))]
     gpu.state.depth_test_set("LESS_EQUAL")

@@ -11,9 +11,10 @@ from radiosity.tests.gui.test_window import HERE, ROOT, SCREEN, SHOTS, WINDOW, b
 from radiosity.tools import real_blender as real_blender_tool
 
 pytestmark = [pytest.mark.slow, pytest.mark.timeout(900)]
-# Seconds that the window may not answer and that Esc may take, beyond what the same window needs when nothing runs:
-# it is drawn in software here, on cores that the bake has too.
-LONGEST_GAP, LONGEST_CANCEL = 0.1, 1.0
+# Seconds that the extension may keep the window's thread in one go, and that Esc may take.
+LONGEST_CALL, LONGEST_CANCEL = 0.1, 1.0
+# Seconds that a window, drawn in software on cores that the bake has too, may be later than it is by itself.
+LONGEST_GAP = 3.0
 
 
 @pytest.fixture(scope="module")
@@ -33,7 +34,7 @@ def seen(linux_zip: Path, tmp_path_factory: pytest.TempPathFactory, real_blender
                                  timeout=780, program=SCREEN, extra={"DRIVE_JOB": json.dumps(job)})
     assert result.is_file(), done.stdout
     told = json.loads(result.read_text(encoding="utf-8"))
-    print(json.dumps(told["seen"], indent=1))
+    print({name: told["seen"].get(name) for name in ("gaps", "own", "seconds_to_look", "seconds_to_cancel")})
     assert told["error"] == "", done.stdout
     assert "Traceback" not in done.stdout, done.stdout
     assert done.returncode == 0, done.stdout
@@ -41,14 +42,17 @@ def seen(linux_zip: Path, tmp_path_factory: pytest.TempPathFactory, real_blender
 
 
 def test_the_window_answers_while_it_bakes(seen: dict[str, Any]) -> None:
-    idle = seen["gaps"].pop("idle")
-    late = {what: gap for what, gap in seen["gaps"].items() if gap > LONGEST_GAP + idle}
-    assert not late
+    # Everything that the bake does in the window's thread, in seconds of that thread: parts of reading the scene, looks
+    # at the worker, drawing, writing. The box has no world to render and no image to bake.
+    assert {"export", "first look", "draft", "draw", "write"} <= set(seen["own"])
+    assert {what: seconds for what, seconds in seen["own"].items() if seconds > LONGEST_CALL} == {}
+    assert max(seen["gaps"].values()) < LONGEST_GAP + seen["gaps"]["idle"]
 
 
 def test_esc_ends_the_work_within_a_second_and_leaves_the_file_as_it_was(seen: dict[str, Any]) -> None:
     # Exact answer: no datablock differs from before the bake, though a first look and a draft had been shown.
-    assert seen["seconds_to_cancel"] < LONGEST_CANCEL + seen["gaps"].get("idle", 0.0)
+    # On a busy machine the window is late by itself; that is no time of the bake's.
+    assert seen["seconds_to_cancel"] < LONGEST_CANCEL + seen["gaps"]["idle"]
     assert seen["after_cancel"] == []
 
 
