@@ -9,6 +9,7 @@ freed of the audit's own noise: with d_k the deviation at receiver k and s_k the
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -33,6 +34,8 @@ Int = NDArray[np.integer[Any]]
 CHUNK_PATHS = 2**15
 # Independent groups of paths at a receiver, from which its standard error is taken.
 GROUPS = 8
+# A mean square this many standard errors below zero is taken for chance all the same.
+MOST_DEVIATIONS = 5.0
 # Standard errors to either side of an interval of 95 %.
 INTERVAL = 1.96
 # Shadow rays of a receiver and lamp in each group.
@@ -64,7 +67,8 @@ class Truth:
 class ErrorBar:
     """Relative errors, as fractions of the mean of the audited light.
 
-    `rms` and `bias` are freed of the audit's noise; `p95` and `worst` are scaled down to the same RMS. The true RMS
+    `rms` and `bias` are freed of the audit's noise; `rms` is never negative, so where the noise is larger it is the mean
+    of what it may be. `p95` and `worst` are scaled down to the same RMS. The true RMS
     lies between `rms_low` and `rms_high` with a probability of about 95 %.
     """
 
@@ -102,10 +106,11 @@ def error_bar(baked: Float, groups: Float) -> ErrorBar:
         deviation, noise = deviation[kept], noise[kept]
     squares = (deviation**2 - noise).mean(axis=1)
     square = max(float(squares.mean()), 0.0)
-    doubt = INTERVAL * float(squares.std(ddof=1)) / np.sqrt(len(squares)) if len(squares) > 1 else 0.0
+    own = float(squares.std(ddof=1)) / np.sqrt(len(squares)) if len(squares) > 1 else 0.0
+    doubt = INTERVAL * own
     doubt = float(np.hypot(doubt, 2 * square * INTERVAL * level_noise))
     low, high = (float(np.sqrt(max(square + sign * doubt, 0.0))) / level for sign in (-1, 1))
-    rms = np.sqrt(square) / level
+    rms = np.sqrt(_known_positive(float(squares.mean()), own)) / level
     seen = np.sqrt(float((deviation**2).mean())) / level
     shrink = rms / seen if seen > 0 else 0.0
     size = np.abs(deviation).max(axis=1) / level
@@ -113,6 +118,18 @@ def error_bar(baked: Float, groups: Float) -> ErrorBar:
     spread = float(per_lumel.std(ddof=1)) / np.sqrt(len(deviation)) if len(deviation) > 1 else 0.0
     return ErrorBar(float(rms), low, high, float(np.quantile(size, 0.95) * shrink), float(size.max() * shrink),
                     float(per_lumel.mean()) / level, spread / level, len(baked))
+
+
+def _known_positive(found: float, deviation: float) -> float:
+    """The mean of what a quantity that is not negative may be, found with a normal error: where the error is larger
+    than the quantity, the plain value is as often 0 as far too large. `found` itself where the error is small."""
+    if deviation <= 0:
+        return max(found, 0.0)
+    ratio = found / deviation
+    if ratio < -MOST_DEVIATIONS:
+        return deviation / MOST_DEVIATIONS
+    density = math.exp(-ratio**2 / 2) / math.sqrt(2 * math.pi)
+    return found + deviation * density / (0.5 * math.erfc(-ratio / math.sqrt(2)))
 
 
 class Auditor:

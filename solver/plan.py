@@ -58,7 +58,8 @@ def plan(error: float, distance: float, bounced: float) -> Plan:
         gather_rays=gather,
         gather_error=0.27 * error,
         direct_error=0.3 * error,
-        audit_lumels=1024,
-        # The audit's noise at one lumel, about 1 / sqrt(paths), may be three times the error that it is to see.
-        audit_paths=int(np.clip(0.15 / error**2, 16, 2048)),
+        # The audit's noise at one lumel, about 1 / sqrt(paths), may be the error that it is to see. For the same rays,
+        # many paths at few lumels tell the mean square error better than few paths at many.
+        audit_lumels=384,
+        audit_paths=int(np.clip(0.6 / error**2, 64, 4096)),
     )
