@@ -13,6 +13,8 @@ from radiosity.tools import real_blender as real_blender_tool
 pytestmark = [pytest.mark.slow, pytest.mark.timeout(900)]
 # Seconds that the extension may keep the window's thread in one go, and that Esc may take.
 LONGEST_CALL, LONGEST_CANCEL = 0.1, 1.0
+# Seconds of that thread to draw a look where drawing is software: its driver compiles the shader there, once.
+LONGEST_DRAW = 0.2
 # Seconds that a window, drawn in software on cores that the bake has too, may be later than it is by itself.
 LONGEST_GAP = 3.0
 
@@ -45,7 +47,9 @@ def test_the_window_answers_while_it_bakes(seen: dict[str, Any]) -> None:
     # Everything that the bake does in the window's thread, in seconds of that thread: parts of reading the scene, looks
     # at the worker, drawing, writing. The box has no world to render and no image to bake.
     assert {"export", "first look", "draft", "draw", "write"} <= set(seen["own"])
-    assert {what: seconds for what, seconds in seen["own"].items() if seconds > LONGEST_CALL} == {}
+    late = {what: seconds for what, seconds in seen["own"].items()
+            if seconds > (LONGEST_DRAW if what == "draw" else LONGEST_CALL)}
+    assert late == {}
     assert max(seen["gaps"].values()) < LONGEST_GAP + seen["gaps"]["idle"]
 
 
