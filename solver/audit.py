@@ -67,8 +67,8 @@ class Truth:
 class ErrorBar:
     """Relative errors, as fractions of the mean of the audited light.
 
-    `rms` and `bias` are freed of the audit's noise; `rms` is never negative, so where the noise is larger it is the mean
-    of what it may be. `p95` and `worst` are scaled down to the same RMS. The true RMS
+    `rms` and `bias` are freed of the audit's noise; `rms` is never negative, so where the noise is larger it is the
+    mean of what it may be. `p95` and `worst` are scaled down to the same RMS. The true RMS
     lies between `rms_low` and `rms_high` with a probability of about 95 %.
     """
 
