@@ -109,7 +109,12 @@ def error_bar(baked: Float, groups: Float) -> ErrorBar:
     own = float(squares.std(ddof=1)) / np.sqrt(len(squares)) if len(squares) > 1 else 0.0
     doubt = INTERVAL * own
     doubt = float(np.hypot(doubt, 2 * square * INTERVAL * level_noise))
-    low, high = (float(np.sqrt(max(square + sign * doubt, 0.0))) / level for sign in (-1, 1))
+    # Squares are skewed: a few receivers carry most of their sum, and where a sample holds too few of those, its spread
+    # is too small as well. The second order of exp(doubt / square), and one more receiver like the worst, stand for it.
+    skew = min(doubt**2 / (2 * square), square / 2) if square > 0 else 0.0
+    tail = max(float(squares.max()), 0.0) / len(squares)
+    low = float(np.sqrt(max(square - doubt, 0.0))) / level
+    high = float(np.sqrt(square + doubt + skew + tail)) / level
     rms = np.sqrt(_known_positive(float(squares.mean()), own)) / level
     seen = np.sqrt(float((deviation**2).mean())) / level
     shrink = rms / seen if seen > 0 else 0.0

@@ -6,11 +6,13 @@ The rows of a run go to out/validation.md; `python tools/validation.py` keeps do
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
+from functools import partial
 from pathlib import Path
 from typing import NamedTuple
 
 import pytest
+from radiosity.tests.solver.stability import Failures
 
 TABLE = Path(__file__).resolve().parents[2] / "out" / "validation.md"
 # An estimate may lie this many of its standard errors from the truth.
@@ -76,3 +78,18 @@ def validation() -> Iterator[Validation]:
         TABLE.parent.mkdir(exist_ok=True)
         lines = [row.line() for row in sorted(collected.rows, key=_in_order)]
         TABLE.write_text(HEADER + "".join(lines), encoding="utf-8")
+
+
+@pytest.fixture(scope="session")
+def failures() -> Iterator[Failures]:
+    """What classical methods were measured to do; written down at the end."""
+    collected = Failures()
+    yield collected
+    if collected.rows:
+        collected.write()
+
+
+@pytest.fixture
+def stability(request: pytest.FixtureRequest, failures: Failures) -> Callable[[str, str, float, float], None]:
+    """Keeps a row of docs/stability.md: stability(case, method, its error, our error)."""
+    return partial(failures.add, request.node.originalname)

@@ -65,8 +65,8 @@ def test_irradiance_from_rows_falls_faster_than_random_rays(monkeypatch):
 
 @pytest.mark.slow
 def test_what_patches_leave_after_the_gather_falls_with_the_square_of_their_size(monkeypatch):
-    # A corridor of 6 m with a lamp at one end, rho .8: indirect light at 150 points from about 120, 250 and 900 patches,
-    # against 3,000. Rays enough to be no matter; n = h^-2 patches, so that h^2 is n^-1.
+    # A corridor of 6 m with a lamp at one end, rho .8: indirect light at 150 points from about 120, 250 and 900
+    # patches, against 3,000. Rays enough to be no matter; n = h^-2 patches, so that h^2 is n^-1.
     high = (6, 1, 1)
     scene = box((0, 0, 0), high, 0.8).scene(lights=(Point("lamp", (0.5, 0.45, 0.55), (10,) * 3),))
     points, normals = (np.concatenate(each) for each in
