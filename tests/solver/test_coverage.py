@@ -46,7 +46,7 @@ def _direct():
 
 @pytest.mark.slow
 @pytest.mark.parametrize(("build", "density"), [(_indirect, 12.0), (_direct, 18.0)], ids=["indirect", "direct"])
-def test_the_error_bar_holds_the_exact_error_in_45_of_50_bakes(build, density, stability):
+def test_the_error_bar_holds_the_exact_error_in_45_of_50_bakes(build, density):
     # Two scenes whose irradiance is known at every lumel, baked with 50 seeds at .1: the audit's interval holds the
     # RMS error over the inner lit lumels, and the bias lies within 1.96 of its standard errors, 45 times at least; on
     # average the bar is at most twice the error, and half of it at least.
@@ -76,9 +76,11 @@ def test_the_error_bar_holds_the_exact_error_in_45_of_50_bakes(build, density, s
     assert biases >= HELD
     ratio = np.sqrt(np.mean(np.square(bars)) / np.mean(np.square(errors)))
     assert 0.5 < ratio < 2
-    if build is _direct:
-        stability("S-21", "the bound |r| / (1 - rho) at rho .95, over the error, less 1", _bound_over_error() - 1,
-                  ratio - 1)
+
+
+def test_a_bound_from_the_residual_is_many_times_the_error():
+    # rho .95: |r| / (1 - rho) holds, but is more than five times the error; the audit's bar above is within twice.
+    assert _bound_over_error() > 5
 
 
 def _bound_over_error():
