@@ -102,13 +102,15 @@ class _Work:
                 self.warnings.append({"object": "", "code": "slow_rays", "message": notice})
             self.direct = DirectLight(self.geometry, self.lights, settings.seed, self.split)
 
-    def transport(self, receivers: Receivers, places: ReceiverFootprints) -> Transport:
-        """Cells, patches, rows, solved, for what these receivers can see."""
+    def transport(self, receivers: Receivers, places: ReceiverFootprints, bounced: float | None = None) -> Transport:
+        """Cells, patches, rows, solved, for what these receivers can see; `bounced` is the part of their light that
+        patches carry, found if not given."""
         seed = self.settings.seed
         with self.stages("patches"):
             looks = look_around(self.geometry, places, self.sampled_emitter, seed, self.run)
             self.lamps = self._lamp_level(receivers)
-            self.plan = plan(self.settings.error, looks.distance, self._bounced_share(looks))
+            share = self._bounced_share(looks) if bounced is None else bounced
+            self.plan = plan(self.settings.error, looks.distance, share)
             corners = self.geometry.corners.reshape(-1, 3)
             shells = Shells.of(self.geometry.corners)
             patches = Patches(shells, corners.min(axis=0), corners.max(axis=0), self.plan.smallest_patch,
@@ -270,7 +272,8 @@ def solve(scene: Scene, settings: Settings) -> Solution:
     work = _Work(scene, settings, None, None)
     receivers = triangle_middles(work.geometry)
     places = ReceiverFootprints(work.geometry, receivers, settings.footprint, settings.seed)
-    transport = work.transport(receivers, places)
+    # Here patches are all that is asked for, whatever light comes straight.
+    transport = work.transport(receivers, places, bounced=1.0)
     return Solution.of(work.geometry, transport, work.linear, work.stages)
 
 
