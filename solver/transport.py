@@ -219,7 +219,8 @@ class Transport:
         place = np.full(len(self.patches), -1, np.int32)
         place[patches] = np.arange(len(patches))
         cells = np.flatnonzero(place[self.cell_patch] >= 0)
-        order = cells[np.argsort(place[self.cell_patch[cells]], kind="stable")]
+        # Neighbours on a triangle stand together, so that points spread over the sum are spread over the patch.
+        order = cells[np.lexsort((self.cells.side[cells], place[self.cell_patch[cells]]))]
         area = self.cells.area(self.cells.side[order]).astype(np.float64)
         begins = np.searchsorted(place[self.cell_patch[order]], np.arange(len(patches) + 1))
         running = np.concatenate([[0.0], np.cumsum(area)])
