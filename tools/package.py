@@ -6,8 +6,10 @@ Blender's own builder does it, which the bpy wheel carries; no Blender program i
 from __future__ import annotations
 
 import importlib.util
+import shutil
 import subprocess
 import sys
+import tempfile
 import tomllib
 import zipfile
 from pathlib import Path
@@ -19,6 +21,8 @@ PACKAGES = ("embreex", "xatlas", "openexr")
 ABIS = ("cp311", "cp313")
 # Every folder of ours that a zip holds; all else stays out.
 LAYERS = ("solver", "radiosity_addon", "operators")
+# And every file beside them, but for the manifest.
+FILES = ("__init__.py", "LICENSE", "THIRD_PARTY.md")
 
 
 class PackageError(Exception):
@@ -83,10 +87,10 @@ def check_zip(path: Path) -> None:
         differing = sorted(generated ^ set(wheels))
         raise PackageError(f"{path.name}: its manifest and its content differ in {differing}")
     ours = {str(file.relative_to(ROOT).as_posix()) for layer in LAYERS for file in (ROOT / layer).rglob("*.py")}
-    if absent := sorted({*ours, "__init__.py", "LICENSE", "THIRD_PARTY.md"} - set(names)):
+    if absent := sorted({*ours, *FILES} - set(names)):
         raise PackageError(f"{path.name}: lacks {', '.join(absent)}")
     foreign = {name.split("/")[0] for name in names} - {*LAYERS, "wheels"}
-    if foreign - {"__init__.py", "LICENSE", "THIRD_PARTY.md", "blender_manifest.toml"}:
+    if foreign - {*FILES, "blender_manifest.toml"}:
         raise PackageError(f"{path.name}: holds files of the workshop: {sorted(foreign)}")
 
 
@@ -98,7 +102,14 @@ def build(dist: Path = DIST) -> list[Path]:
     prefix = f"{manifest['id']}-{manifest['version']}"
     for old in dist.glob(f"{prefix}-*.zip"):
         old.unlink()
-    run_blender_ext("build", "--source-dir", str(ROOT), "--output-dir", str(dist), "--split-platforms")
+    with tempfile.TemporaryDirectory(prefix="radiosity-package-") as folder:
+        # A folder that the manifest lets in is let in whole, compiled files too: so what is built from has none.
+        for layer in LAYERS:
+            shutil.copytree(ROOT / layer, Path(folder) / layer, ignore=shutil.ignore_patterns("__pycache__", "*.pyc"))
+        for name in (*FILES, "blender_manifest.toml"):
+            shutil.copy2(ROOT / name, folder)
+        (Path(folder) / "wheels").symlink_to(ROOT / "wheels")
+        run_blender_ext("build", "--source-dir", folder, "--output-dir", str(dist), "--split-platforms")
     zips = sorted(dist.glob(f"{prefix}-*.zip"))
     platforms = {str(platform).replace("-", "_") for platform in manifest["platforms"]}  # type: ignore[attr-defined]
     if {path.stem.removeprefix(f"{prefix}-") for path in zips} != platforms:

@@ -37,5 +37,5 @@ def test_a_screen_lights_by_its_image(stage):
     paint.default_value = white
     points = np.concatenate([footprint_points(left)[:, :2].reshape(-1, 3) for left in (-1.5, 0.5)])
     up = np.tile(np.float32([0, 0, 1]), (len(points), 1))
-    ours = solver.irradiance(scene, solver.Settings(error=0.02), points, up).reshape(2, -1, 3).mean(axis=1)
+    ours = solver.irradiance(scene, solver.Settings(error=0.005), points, up).reshape(2, -1, 3).mean(axis=1)
     assert ours == pytest.approx(cycles_irradiance().mean(axis=1), rel=0.01)
