@@ -51,7 +51,7 @@ def flat(corners: np.ndarray) -> np.ndarray:
     """(n,) bool: triangles without area."""
     sides = np.roll(corners, -1, axis=1) - corners
     longest = np.linalg.norm(sides, axis=2).max(axis=1)
-    return np.linalg.norm(np.cross(sides[:, 0], sides[:, 1]), axis=1) <= FLAT * longest**2
+    return np.asarray(np.linalg.norm(np.cross(sides[:, 0], sides[:, 1]), axis=1) <= FLAT * longest**2)
 
 
 @pytest.mark.slow
