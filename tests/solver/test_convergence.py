@@ -46,8 +46,8 @@ def test_gathered_light_falls_faster_than_the_three_quarters_power_of_the_rays(m
 
 
 def test_irradiance_from_rows_falls_faster_than_random_rays(monkeypatch):
-    # Unit cube, glowing dimly all over from .1 to .9 by walls, rho .5: the linear system's rows alone. 16 to 1,024 rays a
-    # row against 8,192 on the same patches.
+    # Unit cube, glowing dimly all over from .1 to .9 by walls, rho .5: the linear system's rows alone. 16 to 1,024 rays
+    # a row against 8,192 on the same patches.
     glow = np.repeat([0.1, 0.9, 0.3, 0.7, 0.2, 0.5], 2)
     scene = ROOM.scene(emission=glow)
     monkeypatch.setattr(module, "MOST_REFINEMENTS", 0)
