@@ -50,7 +50,7 @@ def mixed(bake, factors):
 def test_groups_times_their_tints_are_the_lightmap(kept):
     # Four groups. Exact answer: the sum of the layers, each in its colour, is the lightmap, to rounding.
     whole = kept.lightmaps[0].pixels
-    assert mixed(kept, kept.groups.tints) == pytest.approx(whole, rel=1e-4, abs=1e-4 * whole.mean())
+    assert mixed(kept, kept.groups.tints) == pytest.approx(whole, rel=1e-4, abs=1e-4 * float(whole.mean()))
     assert kept.groups.tints["a"].tolist() == [1, 0, 0]
 
 
@@ -60,7 +60,7 @@ def test_groups_add_up_for_each_of_the_passes(passes):
     settings = solver.Settings(**{**QUICK, "passes": passes, "resolution": 16})
     bake = solver.bake(room(), settings, groups=apart(room()))
     whole = bake.lightmaps[0].pixels
-    assert mixed(bake, bake.groups.tints) == pytest.approx(whole, rel=1e-4, abs=1e-4 * whole.mean())
+    assert mixed(bake, bake.groups.tints) == pytest.approx(whole, rel=1e-4, abs=1e-4 * float(whole.mean()))
 
 
 def test_a_bake_with_groups_is_the_bake_without_them(kept):

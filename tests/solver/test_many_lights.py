@@ -97,7 +97,7 @@ def test_a_bank_answers_as_its_lamps_do():
         own = light.sample(points[rows], normals[rows], uv[rows])
         one = np.full(len(rows), place[number])
         found = whole[bank[number]].sample(points[rows], normals[rows], uv[rows], one)
-        assert found.weight == pytest.approx(own.weight, rel=1e-3, abs=1e-3 * own.weight.max())
+        assert found.weight == pytest.approx(own.weight, rel=1e-3, abs=1e-3 * float(own.weight.max()))
         assert found.direction == pytest.approx(own.direction, abs=1e-3)
         closed = light.irradiance(points[rows], normals[rows])[:, np.argmax(light.colour)] / light.colour.max()
         assert whole[bank[number]].irradiance(points[rows], normals[rows], one) == pytest.approx(
@@ -192,7 +192,7 @@ def test_an_occluder_of_a_thousandth_of_the_light_is_found():
         lit.append(DirectLight(geometry, moved, 0).irradiance(places, Run(2), small_share=5e-3, pilot=1)[:, 0])
     lost = (lit[0] - lit[1]).mean() / lit[0].mean()
     # All lamps are alike as seen from the origin: the draw's noise is the only one.
-    assert lost == pytest.approx(1e-3, abs=4 * np.std(lit[0] - lit[1]) / 2000**0.5 / lit[0].mean())
+    assert lost == pytest.approx(1e-3, abs=float(4 * np.std(lit[0] - lit[1]) / 2000**0.5 / lit[0].mean()))
     assert lost > 0
 
 

@@ -100,7 +100,7 @@ def test_a_wall_that_a_lamp_touches_is_lit_up_to_the_edge_in_a_scene(kind):
     exact = [element_form_factor(point, normal, lamp).value for point, normal in zip(points, normals, strict=True)]
     assert exact[0] == pytest.approx(0.5, abs=0.001)
     found = irradiance(scene, Settings(error=ERROR), points, normals)[:, 0] / strength
-    assert found == pytest.approx(exact, abs=ERROR * np.mean(exact))
+    assert found == pytest.approx(exact, abs=float(ERROR * np.mean(exact)))
 
 
 # --- S-13: meshes as people make them --------------------------------------------------------------------------------
