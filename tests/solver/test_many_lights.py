@@ -101,7 +101,7 @@ def test_a_bank_answers_as_its_lamps_do():
         assert found.direction == pytest.approx(own.direction, abs=1e-3)
         closed = light.irradiance(points[rows], normals[rows])[:, np.argmax(light.colour)] / light.colour.max()
         assert whole[bank[number]].irradiance(points[rows], normals[rows], one) == pytest.approx(
-            closed, rel=1e-3, abs=1e-4 * closed.max() + 1e-6)
+            closed, rel=1e-3, abs=1e-4 * float(closed.max()) + 1e-6)
 
 
 def _lattice(count, power=1.0):
