@@ -57,12 +57,6 @@ class Spots:
         ahead = geometry.visibility.hits(geometry.lifted(points, triangle, front), normals)
         return cls(points, normals, triangle, np.where(ahead.triangle >= 0, ahead.distance, np.float32(np.inf)))
 
-    @classmethod
-    def none(cls) -> Spots:
-        """No spots."""
-        nothing = np.empty((0, 3), np.float32)
-        return cls(nothing, nothing, np.empty(0, np.int32), np.empty(0, np.float32))
-
     def take(self, index: NDArray[Any] | slice) -> Spots:
         """Some of the spots."""
         return Spots(self.points[index], self.normals[index], self.triangle[index], self.gap[index])
