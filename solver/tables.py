@@ -1,4 +1,4 @@
-"""Tables that rays read: one row of four float32 a cell, for NumPy copies rows of sixteen bytes much faster than rows of
+"""Tables that rays read: one row of four float32 a cell, for NumPy copies rows of sixteen bytes much faster than those of
 twelve; and means over many rays as products with a row of weights, much faster than `mean` over a middle axis.
 """
 
