@@ -1,5 +1,5 @@
-"""Tables that rays read: one row of four float32 a cell, for NumPy copies rows of sixteen bytes much faster than those of
-twelve; and means over many rays as products with a row of weights, much faster than `mean` over a middle axis.
+"""Tables that rays read: one row of four float32 a cell, since NumPy copies rows of sixteen bytes much faster than those
+of twelve; and means over many rays as products with a row of weights, much faster than `mean` over a middle axis.
 """
 
 from __future__ import annotations
