@@ -1,7 +1,7 @@
 """Tables that rays read, and means over many of them.
 
-A cell has one row of four float32, since NumPy copies rows of sixteen bytes much faster than those of twelve. Means over
-rays are products with a row of weights, much faster than `mean` over a middle axis.
+A cell has one row of four float32, since NumPy copies rows of sixteen bytes much faster than those of twelve.
+Means over rays are products with a row of weights, much faster than `mean` over a middle axis.
 """
 
 from __future__ import annotations
