@@ -1,9 +1,10 @@
 """Rays where the gather is noisy, and no more of them than the wanted error asks for.
 
-Every receiver is gathered twice, with independent random shifts, and both looks are smoothed. Half the difference of
-the two is a sample of the error of their mean; averaged over neighbours it tells where more rays are needed, and
-averaged over all how good the whole is. Given v_i, the variance of receiver i at n rays, and variance falling as
-n^-1.5 (quasi-random rays), the mean variance falls fastest for the rays spent if n_i grows as v_i^(1 / 2.5).
+Every receiver is gathered twice, with independent random shifts, and both looks are smoothed. What is left of the error
+then, blur and noise, is estimated from the two (`smooth.remaining`): the estimates tell where more rays are needed, and
+their mean how good the whole is. More rays go on with the point set of the rays before. Given v_i, the mean square error
+of receiver i at n rays, and errors falling as n^-RATE, the mean falls fastest for the rays spent if n_i grows as
+v_i^(1 / (1 + RATE)).
 """
 
 from __future__ import annotations
@@ -14,23 +15,23 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .fans import Fans
-from .gather import Gather
+from .gather import Gather, Look
 from .neighbours import Neighbours
 from .parallel import Run
 from .plan import Plan
-from .smooth import smooth
+from .smooth import remaining, smooth
 from .transport import Transport
 
 Float = NDArray[np.floating[Any]]
 Int = NDArray[np.integer[Any]]
 
-# The variance of the mean of n quasi-random rays falls as n^-RATE.
-RATE = 1.5
+# The mean square error of n quasi-random rays falls as n^-RATE (measured in rooms: n^-1.1 to n^-1.3).
+RATE = 1.2
 # Most rays of a receiver over those of the first look.
 MOST_FACTOR = 32
 # Looks after the first: each can mend what the one before misjudged.
 MOST_ROUNDS = 3
-# Part of a receiver's variance that is taken from all receivers, since its own is known from two samples only.
+# Part of a receiver's error that is taken from all receivers, since its own is known from few samples only.
 PRIOR = 0.2
 # The same for receivers without neighbours.
 LONE_PRIOR = 0.6
@@ -52,61 +53,68 @@ def gather_adaptively(transport: Transport, fans: Fans, plan: Plan, level: float
     (n, 3) float32 irradiance from sky and gathered emitters, and from reflected light, W/m2; and (n, 3 g) what is
     wanted of both of each light group.
     """
-    def look(rows: Int, rays: int, number: int) -> Float:
-        return np.concatenate(Gather(transport, rays, seed + 1000 * number).light(fans, rows, run), axis=1)
-
+    gather = Gather(transport)
     half = plan.gather_rays // 2
-    everything = np.arange(len(fans))
-    looks = [look(everything, half, 1), look(everything, half, 2)]
     rays = np.full(len(fans), half, np.int64)
-    around = None if neighbours is None else neighbours.at(1)
-    for number in range(MOST_ROUNDS + 1):
-        both = [all_columns[:, :6] for all_columns in looks]
-        smoothed = both if neighbours is None else smooth(both[0], both[1], fans.receivers, neighbours, run)
-        value = (smoothed[0] + smoothed[1]) / 2
-        variance = _pooled(smoothed[0] - smoothed[1], around)
-        wanted = (plan.gather_error * (level + float((value[:, :3] + value[:, 3:]).mean()))) ** 2
-        if number == MOST_ROUNDS or variance.mean() <= wanted * CLOSE_ENOUGH**2:
+    looks = gather.light(fans, _both(np.arange(len(fans)), half, 0, seed), run)
+    for _ in range(MOST_ROUNDS):
+        error = _error(looks, fans, neighbours, run)
+        light = (looks[0][:, :6] + looks[1][:, :6]).mean()
+        wanted = (plan.gather_error * (level + float(light))) ** 2
+        if error.mean() <= wanted * CLOSE_ENOUGH**2:
             break
-        factor = _factors(variance, wanted, MOST_FACTOR * half / rays)
-        for more, rows in _groups(rays, factor):
-            for which in (0, 1):
-                found = look(rows, more, 10 * (number + 1) + 3 + which)
-                looks[which][rows] += (found - looks[which][rows]) * (more / (rays[rows] + more))[:, None]
-            rays[rows] += more
-    if looks[0].shape[1] > 6:
-        # The groups were no part of what was decided: they are filtered once, at the end.
-        smoothed = looks if neighbours is None else smooth(looks[0], looks[1], fans.receivers, neighbours, run)
-        value = (smoothed[0] + smoothed[1]) / 2
+        factor = _factors(_known(error, neighbours), wanted, MOST_FACTOR * half / rays)
+        _go_on(gather, fans, looks, rays, factor, seed, run)
+    if neighbours is not None:
+        looks = list(smooth(looks[0], looks[1], fans.receivers, neighbours, run))
+    value = (looks[0] + looks[1]) / 2
     return value[:, :3], value[:, 3:6], value[:, 6:]
 
 
-def _groups(rays: Int, factor: Float) -> list[tuple[int, Int]]:
-    """How many more rays, for which receivers."""
-    more = np.asarray(rays * (factor - 1), np.int64)
-    return [(int(count), np.flatnonzero(more == count)) for count in np.unique(more) if count > 0]
+def _both(rows: Int, count: int, start: int, seed: int) -> list[Look]:
+    """The same rays twice, with independent shifts."""
+    return [Look(rows, count, start, seed + 1000 * number) for number in (1, 2)]
 
 
-def _pooled(difference: Float, around: Int | None) -> Float:
-    """(n,) variance of the mean of two looks, averaged over neighbours, with a part of the average over all."""
-    own = np.square(difference[:, :3] + difference[:, 3:]).mean(axis=1) / 4
-    pooled = own
-    if around is not None:
-        there = around >= 0
-        pooled = (own + np.where(there, own[around], 0).sum(axis=1)) / (1 + there.sum(axis=1))
-    prior = LONE_PRIOR if around is None else PRIOR
-    return np.asarray((1 - prior) * pooled + prior * own.mean(), np.float64)
+def _go_on(gather: Gather, fans: Fans, looks: list[Float], rays: Int, factor: Float, seed: int, run: Run) -> None:
+    """Multiply the receivers' rays (n,) by powers of two, and take what more of them find into the two looks."""
+    asked = [look for before, more, rows in _groups(rays, factor) for look in _both(rows, more, before, seed)]
+    for number, (look, found) in enumerate(zip(asked, gather.light(fans, asked, run), strict=True)):
+        held = looks[number % 2]
+        held[look.rows] += (found - held[look.rows]) * np.float32(look.count / (look.start + look.count))
+    rays *= factor.astype(np.int64)
 
 
-def _factors(variance: Float, wanted: float, most: Float) -> Float:
-    """By which power of two to multiply each receiver's rays, so that the mean variance becomes `wanted`."""
+def _groups(rays: Int, factor: Float) -> list[tuple[int, int, Int]]:
+    """How many rays receivers have, how many more they get, and which receivers those are."""
+    kinds = np.unique(np.stack([rays, rays * (factor - 1)], axis=1).astype(np.int64)[factor > 1], axis=0)
+    return [(int(before), int(more), np.flatnonzero((rays == before) & (rays * (factor - 1) == more)))
+            for before, more in kinds]
+
+
+def _error(looks: list[Float], fans: Fans, neighbours: Neighbours | None, run: Run) -> Float:
+    """(n,) mean square error of the mean of two looks, W2/m4."""
+    if neighbours is None:
+        difference = looks[0] - looks[1]
+        return np.square(difference[:, :3] + difference[:, 3:6]).mean(axis=1) / 4
+    return remaining(looks[0], looks[1], fans.receivers, neighbours, run)
+
+
+def _known(error: Float, neighbours: Neighbours | None) -> Float:
+    """(n,) float64: errors with a part of their mean over all."""
+    prior = LONE_PRIOR if neighbours is None else PRIOR
+    return np.asarray((1 - prior) * error + prior * error.mean(), np.float64)
+
+
+def _factors(error: Float, wanted: float, most: Float) -> Float:
+    """By which power of two to multiply each receiver's rays, so that the mean of the errors becomes `wanted`."""
     low, high = 1e-3, 1e6
     for _ in range(60):
         middle = np.sqrt(low * high)
-        factor = np.clip(middle * (variance / wanted) ** (1 / (1 + RATE)), 1, most)
-        if (variance * factor**-RATE).mean() > wanted:
+        factor = np.clip(middle * (error / wanted) ** (1 / (1 + RATE)), 1, most)
+        if (error * factor**-RATE).mean() > wanted:
             low = middle
         else:
             high = middle
-    factor = np.clip(high * (variance / wanted) ** (1 / (1 + RATE)), 1, most)
+    factor = np.clip(high * (error / wanted) ** (1 / (1 + RATE)), 1, most)
     return np.asarray(2.0 ** np.round(np.log2(factor)))

@@ -8,20 +8,21 @@
     solve       H = q + F (rho H), all channels at once
     gather      the indirect light of every receiver: one more bounce, from cells and patches
     direct      the lamps' light at every receiver: closed form times the part that shadow rays find free
-    audit       path tracing at random receivers says how wrong the bake is
+    audit       path tracing at random receivers, beside all of this, says how wrong the bake is
     finish      encode, dilate, stitch seams
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from functools import partial
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from .adaptive import gather_adaptively
-from .audit import Auditor, ErrorBar, error_bar
+from .audit import Auditor, Truth, error_bar
 from .cells import Cells
 from .closure import patch_table
 from .direct import PILOT_RAYS as PILOT
@@ -31,7 +32,7 @@ from .errors import NothingToBake
 from .fans import Fans
 from .finish import finished
 from .footprints import ReceiverFootprints
-from .gather import Gather
+from .gather import Gather, Look
 from .geometry import Geometry
 from .groups import LightGroup
 from .importance import Importance, look_around
@@ -40,7 +41,7 @@ from .lumels import lumels as lay_out
 from .neighbours import Neighbours
 from .parallel import Run
 from .patches import Patches
-from .plan import plan
+from .plan import AUDIT_LUMELS, audit_paths, plan
 from .probes import free_receivers, probes, triangle_middles
 from .quantities import encode
 from .receivers import Receivers
@@ -123,17 +124,18 @@ class _Work:
             step = max(1, len(places) * PILOT_RAYS // PILOT_TOTAL)
             self.fans = Fans(places)
             some = np.arange(0, len(places), step)
-            self.seen = Gather(transport, PILOT_RAYS, seed + 1).meet(self.fans, some, self.run)
+            self.seen = Gather(transport).meet(self.fans, Look(some, PILOT_RAYS, 0, seed + 1), self.run)
             transport.meet_whole(cells.companions(COMPLETE_CELLS))
+        rays = self.plan.rays_of_row(len(transport.patches))
         with self.stages("form factors"):
-            transport.discover(self.plan.row_rays)
+            transport.discover(rays)
         with self.stages("solve"):
             self.linear = transport.solve(ROUGH)
         for _ in range(MOST_REFINEMENTS):
             with self.stages("refine"):
                 if not transport.refine(*self._refinement(transport)):
                     break
-                transport.discover(self.plan.row_rays)
+                transport.discover(rays)
             with self.stages("solve"):
                 self.linear = transport.solve(ROUGH)
         with self.stages("solve"):
@@ -154,8 +156,19 @@ class _Work:
 
     def light(self, receivers: Receivers, near: Neighbours | None = None) -> tuple[Float, Float]:
         """Direct (with the sky's and gathered emitters') and indirect irradiance of receivers: (n, 3) each, W/m2."""
+        places = ReceiverFootprints(self.geometry, receivers, self.settings.footprint, self.settings.seed)
+        # The audit asks nothing of the bake until both are done: it fills what threads the bake leaves idle.
+        with self.run.beside("audit", partial(self._truth, places, near)) as truth:
+            direct, bounced = self._solved_light(receivers, places, near)
+            with self.stages("audit"):
+                found = truth()
+                passes = self.settings.passes
+                self.error = error_bar(_passes(direct[found.rows], bounced[found.rows], passes), found.groups(passes))
+        return direct, bounced
+
+    def _solved_light(self, receivers: Receivers, places: ReceiverFootprints,
+                      near: Neighbours | None) -> tuple[Float, Float]:
         seed = self.settings.seed
-        places = ReceiverFootprints(self.geometry, receivers, self.settings.footprint, seed)
         self.transported = self.transport(receivers, places)
         with self.stages("gather"):
             first, bounced, apart = gather_adaptively(self.transported, self.fans, self.plan, self.lamps, seed, near,
@@ -166,8 +179,6 @@ class _Work:
                                     neighbours=near.at(1) if near else None)
             direct = first + lit[:, :3]
             self.apart = apart if self.settings.passes == "indirect" else apart + lit[:, 3:]
-        with self.stages("audit"):
-            self.error = self._audit(places, direct, bounced, near)
         return direct, bounced
 
     def _lamp_level(self, receivers: Receivers) -> float:
@@ -189,16 +200,15 @@ class _Work:
         bounced = MORE_BOUNCES * once + looks.bounced
         return bounced / max(self.lamps + looks.straight + bounced, 1e-30)
 
-    def _audit(self, places: ReceiverFootprints, direct: Float, bounced: Float, near: Neighbours | None) -> ErrorBar:
+    def _truth(self, places: ReceiverFootprints, near: Neighbours | None, run: Run) -> Truth:
         """Path trace receivers drawn at random; of lumels the inner ones, as against a renderer."""
         random = np.random.default_rng([AUDIT_SEED, self.settings.seed])
         every = np.arange(len(places))
         inner = every if near is None else np.flatnonzero((near.at(1) >= 0).all(axis=1))
         pool = inner if len(inner) else every
-        rows = np.sort(random.choice(pool, min(len(pool), self.plan.audit_lumels), replace=False))
+        rows = np.sort(random.choice(pool, min(len(pool), AUDIT_LUMELS), replace=False))
         auditor = Auditor(self.geometry, self.lights, self.sampled_emitter, AUDIT_SEED + self.settings.seed)
-        truth = auditor.truth(places, rows, self.plan.audit_paths, self.run)
-        return error_bar(_passes(direct[rows], bounced[rows], self.settings.passes), truth.groups(self.settings.passes))
+        return auditor.truth(places, rows, audit_paths(self.settings.error), run)
 
 
 def bake(scene: Scene, settings: Settings, progress: Progress | None = None,

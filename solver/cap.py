@@ -86,7 +86,7 @@ def directions(axis: Float, sine_squared: Float, uv: Float) -> tuple[Float, Floa
 
     Parameters
     ----------
-    axis : (n, 3) float32 unit.
+    axis : (n, 3) float32 unit; or (1, 3), one for all.
     sine_squared : (n,) or scalar, sin^2 alpha.
     uv : (n, 2) in [0, 1)^2.
 

@@ -26,7 +26,7 @@ from .geometry import Geometry
 from .light_bounds import LightBounds
 from .lights import Light
 from .many_lights import TELLING, Chooser, Looks, Wish, everybody
-from .parallel import Run
+from .parallel import Run, shares
 from .sampling import kronecker, shifted, shifts
 from .shadow_sums import ShadowSums, doubtful, ratio
 from .split import Split
@@ -37,6 +37,8 @@ Int = NDArray[np.integer[Any]]
 
 # Rays of one chunk of work (a thread's arrays stay near 20 MB).
 CHUNK_RAYS = 2**17
+# A smaller part of a chunk than this is not worth a thread.
+LEAST_PART = 16
 # Shadow rays of the pilot for one lamp and point; an occluder of less than 1/16 of lamp and footprint can be missed
 # unless a neighbour sees it.
 PILOT_RAYS = 16
@@ -211,9 +213,10 @@ class DirectLight:
               run: Run) -> ShadowSums:
         set_of_points = kronecker(count, 4, start)
         move = shifts(places.identity[rows] * np.int64(1_000_003) + lamp, 4, self.seed + 7919)
-        x, y, u, v = (shifted(set_of_points[:, axis], move[:, axis]).reshape(-1) for axis in COLUMNS)
-        points, normals = places.sample(np.repeat(rows, count), x, y)
-        weight, seen = self._shadow(np.repeat(lamp, count), points, normals, np.stack([u, v], axis=-1), run)
+        x, y, u, v = (shifted(set_of_points[:, axis], move[:, axis]) for axis in COLUMNS)
+        points, normals = places.fan(rows, x, y)
+        uv = np.stack([u.reshape(-1), v.reshape(-1)], axis=-1)
+        weight, seen = self._shadow(np.repeat(lamp, count), points, normals, uv, run)
         weight, seen = weight.reshape(-1, count), seen.reshape(-1, count)
         asked = min(count, CLOSED_SAMPLES if start == 0 else MORE_CLOSED) if ask else 0
         closed, varied = self._closed(lamp, points, normals, count, asked)
@@ -252,8 +255,9 @@ def _runs(kind: Int) -> tuple[Int, list[slice]]:
 
 
 def _pieces(runs: list[slice], size: int) -> list[slice]:
-    """Runs cut into pieces of at most `size`."""
-    return [slice(start, min(start + size, run.stop)) for run in runs for start in range(run.start, run.stop, size)]
+    """Runs cut into pieces of at most `size`, for threads."""
+    return [slice(run.start + part.start, run.start + part.stop) for run in runs
+            for part in shares(run.stop - run.start, size, max(1, size // LEAST_PART))]
 
 
 def _more(rays: Int, wanted: Float) -> tuple[Int, Int]:

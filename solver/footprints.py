@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import cached_property
 from typing import Any, Protocol
 
 import numpy as np
@@ -9,6 +10,7 @@ from numpy.typing import NDArray
 
 from .cells import Cells
 from .geometry import Geometry
+from .planes import Planes
 from .receivers import Receivers
 from .sampling import uniform
 
@@ -33,10 +35,22 @@ class Footprints(Protocol):
         """
         ...
 
+    def fan(self, rows: Int, x: Float, y: Float) -> tuple[Float, Float]:
+        """The same (n * k, 3) each at k places (n, k) of every footprint."""
+        ...
+
     def flat_normals(self, rows: Int) -> Float:
         """(n, 3) unit normals of the surfaces themselves: nothing comes from behind those, whatever way a smooth
         surface's shading normal leads (as in Cycles)."""
         ...
+
+
+class EachPoint:
+    """Footprints whose points are worked out one by one."""
+
+    def fan(self: Footprints, rows: Int, x: Float, y: Float) -> tuple[Float, Float]:
+        """See Footprints."""
+        return self.sample(np.repeat(rows, x.shape[1]), x.reshape(-1), y.reshape(-1))
 
 
 class ReceiverFootprints:
@@ -99,6 +113,23 @@ class ReceiverFootprints:
             points[free] = self.free_start(rows[free])
         return points, normals
 
+    @cached_property
+    def planes(self) -> Planes:
+        """The footprints as flat pieces."""
+        return Planes(self)
+
+    def fan(self, rows: Int, x: Float, y: Float) -> tuple[Float, Float]:
+        """See Footprints."""
+        local, count = self.planes.places(rows, x, y), x.shape[1]
+        normals = np.repeat(self.planes.normal[rows], count, axis=0)
+        whole = normals.reshape(-1, count, 3)
+        bent, hidden = np.flatnonzero(self.planes.bent[rows]), np.flatnonzero(self.hidden[rows])
+        if len(bent):
+            whole[bent] = self.planes.normals(rows[bent], local[bent]).reshape(-1, count, 3)
+        if len(hidden):
+            whole[hidden] *= ~self.planes.buried(rows[hidden], local[hidden]).reshape(-1, count, 1)
+        return self.planes.points(rows, local), normals
+
     def flat_normals(self, rows: Int) -> Float:
         """See Footprints."""
         normals = self.geometry.normal[self.receivers.triangle[rows]]
@@ -124,7 +155,7 @@ class ReceiverFootprints:
         return centre + step[:, 0] * (x - np.float32(0.5))[:, None] + step[:, 1] * (y - np.float32(0.5))[:, None]
 
 
-class CellFootprints:
+class CellFootprints(EachPoint):
     """Sides of cells."""
 
     def __init__(self, cells: Cells, sides: NDArray[np.int64]) -> None:

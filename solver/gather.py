@@ -9,14 +9,16 @@ afar.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
+from functools import partial
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from .fans import Fans
-from .parallel import Run, slices
+from .parallel import Run, shares
 from .sampling import cosine_directions, shifts
 from .seen import Seen
 from .tables import mean_over_rays
@@ -26,18 +28,22 @@ Float = NDArray[np.floating[Any]]
 Int = NDArray[np.integer[Any]]
 
 CHUNK_RAYS = 2**17
+# Fewer rays than this are not worth a thread.
+LEAST_RAYS = 2**13
 # Rays between two looks at what cells are new.
 PASS_RAYS = 2**22
 # A receiver is confined if this part of its rays meet a patch nearer than NEAR_PATCHES times its width. Such rays go
 # on, this often at most.
 CONFINED = 0.4
-NEAR_PATCHES = 1.0
+NEAR_PATCHES = 0.5
 MOST_BOUNCES = 8
 # From this bounce on a ray goes on by chance, and then stands for those that did not: long ways lead through the dark.
 ROULETTE_FROM = 2
 ROULETTE = np.float32(0.5)
 # Rays of a patch that was met only now.
 LATE_RAYS = 64
+# More than any receiver has: what tells its rays from the next one's.
+MOST_RAYS = 2**24
 
 
 @dataclass(frozen=True, eq=False)
@@ -62,11 +68,31 @@ class Leg:
     sky: Float
 
 
+@dataclass(frozen=True, eq=False)
+class Look:
+    """Rays of some receivers.
+
+    rows : (n,) the receivers.
+    count, start : rays of each, from this point of the point set on.
+    seed : of the shifts.
+    """
+
+    rows: Int
+    count: int
+    start: int
+    seed: int
+
+    def pieces(self) -> list[Look]:
+        """The same in pieces, for threads."""
+        parts = shares(len(self.rows), max(1, CHUNK_RAYS // self.count), LEAST_RAYS // self.count)
+        return [replace(self, rows=self.rows[part]) for part in parts]
+
+
 @dataclass
 class _Rays:
-    """The rays of a run of receivers, while they are followed."""
+    """The rays of a piece of a look, while they are followed."""
 
-    rows: Int  # (n,) receivers
+    look: Look  # some receivers
     sides: NDArray[np.int64]  # (n * rays,) of cells, of the first hits
     fresh: Seen  # where the last hits met cells that have no row yet
     sky: Float  # (n, 3) mean irradiance
@@ -84,75 +110,72 @@ class Gather:
     Parameters
     ----------
     transport : cells, patches, rows, solved.
-    rays : of each receiver.
-    seed : of the shifts.
     """
 
-    def __init__(self, transport: Transport, rays: int, seed: int) -> None:
-        self.transport, self.count, self.seed = transport, rays, seed
+    def __init__(self, transport: Transport) -> None:
+        self.transport = transport
 
-    def meet(self, fans: Fans, rows: Int, run: Run) -> NDArray[np.int32]:
-        """Let the rays of some receivers find cells; return the cells' rows, NOTHING for the sky."""
-        pieces = self._map(run, lambda part: self._trace(fans, part), rows)
+    def meet(self, fans: Fans, look: Look, run: Run) -> NDArray[np.int32]:
+        """Let rays find cells; return the cells' rows, NOTHING for the sky."""
+        pieces = run.map(partial(self._trace, fans), look.pieces())
         self.transport.meet([piece.fresh for piece in pieces])
         return self.transport.cells.rows(np.concatenate([piece.sides for piece in pieces]))
 
-    def light(self, fans: Fans, rows: Int, run: Run) -> tuple[Float, Float, Float]:
-        """Irradiance from sky and gathered emitters, and from light that surfaces reflect, of receivers `rows`: (n, 3)
-        float32 each, W/m2; and what of both is wanted of each light group, (n, 3 g)."""
-        first, bounced, apart = [], [], []
-        passes = slices(len(rows), max(1, PASS_RAYS // self.count))
+    def light(self, fans: Fans, looks: Sequence[Look], run: Run) -> list[Float]:
+        """What each look finds: (n, 6 + 3 g) float32, W/m2. Irradiance from sky and gathered emitters, and from light that
+        surfaces reflect, and what of both is wanted of each light group.
+
+        All looks go on together, since every bounce may meet cells that have no light yet, and it takes as long to give
+        it to few as to many.
+        """
+        pieces = [(number, piece) for number, look in enumerate(looks) for piece in look.pieces()]
+        found: list[list[Float]] = [[] for _ in looks]
+        passes = _passes([len(piece.rows) * piece.count for _, piece in pieces])
         for number, part in enumerate(passes):
-            pieces = self._map(run, lambda some: self._trace(fans, some), rows[part])
+            traced = run.map(lambda job: self._trace(fans, job[1]), pieces[part])
             for bounce in range(MOST_BOUNCES):
-                self.transport.meet([piece.fresh for piece in pieces])
+                self.transport.meet([rays.fresh for rays in traced])
                 self.transport.late(LATE_RAYS)
-                step = _Step(self, bounce)
-                run.map(step.follow, pieces)
-            for emitted, reflected, of_groups in run.map(self._collect, pieces):
-                first.append(emitted)
-                bounced.append(reflected)
-                apart.append(of_groups)
+                step = _Step(self.transport, bounce)
+                run.map(step.follow, traced)
+            for (look, _), light in zip(pieces[part], run.map(self._collect, traced), strict=True):
+                found[look].append(light)
             run.report((number + 1) / len(passes))
-        return np.concatenate(first), np.concatenate(bounced), np.concatenate(apart)
+        return [np.concatenate(parts) for parts in found]
 
-    def _map(self, run: Run, work: Any, rows: Int) -> list[Any]:
-        return run.map(lambda part: work(rows[part]), slices(len(rows), max(1, CHUNK_RAYS // self.count)))
-
-    def _trace(self, fans: Fans, rows: Int) -> _Rays:
-        origins, directions, lit = fans.rays(rows, self.count, self.seed)
+    def _trace(self, fans: Fans, look: Look) -> _Rays:
+        origins, directions, lit = fans.rays(look.rows, look.count, look.seed, look.start)
         met = self.transport.trace(origins, directions)
         fresh = met.fresh(self.transport.cells)
         nothing = np.empty((0, 4), np.float32)
-        return _Rays(rows, met.sides, fresh, self._mean_sky(met, len(rows), lit), lit, np.arange(len(met.sides)), met,
+        return _Rays(look, met.sides, fresh, self._mean_sky(met, look, lit), lit, np.arange(len(met.sides)), met,
                      nothing, nothing)
 
-    def _mean_sky(self, met: Met, count: int, lit: NDArray[np.bool_] | None) -> Float:
+    def _mean_sky(self, met: Met, look: Look, lit: NDArray[np.bool_] | None) -> Float:
         """(n, 3) the sky's irradiance of each receiver."""
-        row = met.missed // self.count
+        row = met.missed // look.count
         sky = met.sky if lit is None else met.sky * lit[met.missed, None]
-        columns = [np.bincount(row, sky[:, axis], count) for axis in range(3)]
-        return np.asarray(np.stack(columns, axis=1) / self.count, np.float32)
+        columns = [np.bincount(row, sky[:, axis], len(look.rows)) for axis in range(3)]
+        return np.asarray(np.stack(columns, axis=1) / look.count, np.float32)
 
-    def _collect(self, rays: _Rays) -> tuple[Float, Float, Float]:
-        """Irradiance from sky and gathered emitters, and from reflected light: (n, 3) each; of the groups (n, 3 g)."""
+    def _collect(self, rays: _Rays) -> Float:
+        """(n, 6 + 3 g), see `light`."""
         total = self._mean(rays.value, rays)
         emission = self.transport.emission()
         split = self.transport.split
         groups = range(len(split) if split is not None else 0)
         apart = [self._of_group(rays, group) for group in groups]
-        columns = np.concatenate(apart, axis=1) if apart else np.empty((len(rays.rows), 0), np.float32)
         if emission is None:
-            return rays.sky, total, columns
+            return np.concatenate([rays.sky, total, *apart], axis=1)
         seen = np.take(emission, self.transport.cells.rows(rays.sides), axis=0)
         emitted = self._mean(seen, rays)
-        return rays.sky + emitted, total - emitted, columns
+        return np.concatenate([rays.sky + emitted, total - emitted, *apart], axis=1)
 
     def _mean(self, values: Float, rays: _Rays) -> Float:
         """(n, 3) mean over the rays of each receiver; changes the values."""
         if rays.lit is not None:
             values *= rays.lit[:, None]
-        return mean_over_rays(values, self.count)
+        return mean_over_rays(values, rays.look.count)
 
     def _of_group(self, rays: _Rays, group: int) -> Float:
         """(n, 3) what is wanted of a light group's irradiance."""
@@ -188,13 +211,13 @@ class Gather:
 class _Step:
     """One bounce of all rays: those that met something far ask its patch, the others look further."""
 
-    def __init__(self, gather: Gather, bounce: int) -> None:
-        self._gather, self._bounce = gather, bounce
-        self._table = gather.transport.table()
+    def __init__(self, transport: Transport, bounce: int) -> None:
+        self._transport, self._bounce = transport, bounce
+        self._table = transport.table()
 
     def follow(self, rays: _Rays) -> None:
         """Bring what is met to the receivers, and trace on where it is near."""
-        transport = self._gather.transport
+        transport = self._transport
         cell = transport.cells.rows(rays.met.sides)
         brought = np.take(self._table, cell, axis=0)
         reach = brought[:, 3] * np.float32(NEAR_PATCHES)
@@ -218,32 +241,39 @@ class _Step:
 
     def _go_on(self, rays: _Rays, near: Int) -> tuple[Int, Float]:
         """Which of the rays near to what they met go on, and for how many each stands (n, 1)."""
-        count = self._gather.count
+        count = rays.look.count
         if self._bounce == MOST_BOUNCES - 1:
             near = near[:0]
         elif self._bounce == 0:
-            confined = np.bincount(near // count, minlength=len(rays.rows)) >= CONFINED * count
+            confined = np.bincount(near // count, minlength=len(rays.look.rows)) >= CONFINED * count
             near = near[confined[near // count]]
         elif self._bounce >= ROULETTE_FROM:
-            chance = shifts(self._identity(rays, rays.going[near]), 1, self._gather.seed + 301 + self._bounce)[:, 0]
+            chance = shifts(self._identity(rays, rays.going[near]), 1, rays.look.seed + 301 + self._bounce)[:, 0]
             near = near[chance < ROULETTE]
             return near, np.full((len(near), 1), 1 / ROULETTE, np.float32)
         return near, np.ones((len(near), 1), np.float32)
 
     def _identity(self, rays: _Rays, which: Int) -> Int:
-        count = self._gather.count
-        return np.asarray(rays.rows[which // count] * np.int64(count) + which % count)
+        look = rays.look
+        ray = look.start + which % look.count
+        return np.asarray(look.rows[which // look.count] * np.int64(MOST_RAYS) + ray)
 
     def _trace_on(self, rays: _Rays, near: Int) -> None:
-        transport = self._gather.transport
-        geometry = transport.geometry
+        geometry = self._transport.geometry
         hits = rays.met.hits
         triangle, front = hits.triangle[near], hits.front[near]
         start = geometry.lifted(geometry.point(triangle, hits.u[near], hits.v[near]), triangle, front)
         normal = geometry.normal[triangle]
         normal = np.where(front[:, None], normal, -normal)
-        u, v = shifts(self._identity(rays, rays.going), 2, self._gather.seed + 5 + self._bounce).T
-        rays.met = transport.trace(start, cosine_directions(normal, u[:, None], v[:, None])[:, 0])
-        rays.fresh = rays.met.fresh(transport.cells)
+        u, v = shifts(self._identity(rays, rays.going), 2, rays.look.seed + 5 + self._bounce).T
+        rays.met = self._transport.trace(start, cosine_directions(normal, u[:, None], v[:, None])[:, 0])
+        rays.fresh = rays.met.fresh(self._transport.cells)
         missed = rays.met.missed
         rays.value[rays.going[missed], :3] += rays.carried[missed] * rays.met.sky
+
+
+def _passes(rays: Sequence[int]) -> list[slice]:
+    """Runs of pieces with about PASS_RAYS rays each."""
+    number = (np.cumsum(rays) - 1) // PASS_RAYS
+    edges = np.append(np.flatnonzero(np.diff(number, prepend=-1)), len(number))
+    return [slice(first, last) for first, last in zip(edges[:-1], edges[1:], strict=True)]

@@ -65,7 +65,7 @@ class Sun:
 
     def sample(self, points: Float, normals: Float, uv: Float) -> LightSample:
         """Directions spread evenly over the disc; the distance is inf."""
-        axis = np.broadcast_to(-self.direction.astype(np.float32), points.shape)
+        axis = -self.direction.astype(np.float32)[None]
         direction, _, _ = cap.directions(axis, np.asarray(self._sine_squared, np.float32), uv)
         weight = np.maximum(dot(direction, normals), 0) * _cap_over_disc(self._sine_squared)
         return LightSample(direction, np.full(len(points), np.inf, np.float32), np.asarray(weight, np.float32))

@@ -12,7 +12,7 @@ from .cells import Cells
 from .direct import DirectLight
 from .geometry import Geometry
 from .growing import Growing
-from .parallel import Run, slices
+from .parallel import Run, shares
 from .patches import Spots
 from .sampling import kronecker, shifted, shifts
 from .seen import Seen, SeenFootprints
@@ -20,6 +20,8 @@ from .seen import Seen, SeenFootprints
 Float = NDArray[np.floating[Any]]
 
 CHUNK_RAYS = 2**17
+# Fewer cells than this are not worth a thread.
+LEAST_CELLS = 2**11
 # Samples of reflectance, emission and direct light in a cell.
 CELL_SAMPLES = 4
 # Lamps that give less than this part of the unoccluded light at a cell are drawn with a probability.
@@ -149,5 +151,5 @@ class MetCells:
             emission[self._sampled_emitter[triangle[::CELL_SAMPLES]]] = 0
             return reflectance, emission
 
-        parts = self._run.map(work, slices(len(places), CHUNK_RAYS // CELL_SAMPLES))
+        parts = self._run.map(work, shares(len(places), CHUNK_RAYS // CELL_SAMPLES, LEAST_CELLS))
         return np.concatenate([part[0] for part in parts]), np.concatenate([part[1] for part in parts])

@@ -2,14 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
+import threading
+from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import FIRST_COMPLETED, Future, ThreadPoolExecutor, wait
+from contextlib import contextmanager
 from dataclasses import dataclass, field
 from typing import Any, TypeVar
 
 from .errors import Cancelled
 
 Result = TypeVar("Result")
+
+# Runs that work is cut into at least, whatever the number of threads: the same cuts, the same bits.
+SHARES = 8
 
 
 @dataclass
@@ -48,6 +53,29 @@ class Run:
         self.check()
         self.report(fraction)
 
+    @contextmanager
+    def beside(self, stage: str, work: Callable[[Run], Result]) -> Iterator[Callable[[], Result]]:
+        """Let `work` of a Run of its own go on in a thread of its own, where there are threads to spare; what is handed
+        out waits for its result. Its rays count for `stage`."""
+        over = threading.Event()
+        own = Run(1, None, lambda: over.is_set() or (self.cancelled is not None and self.cancelled()), stage=stage)
+
+        def result() -> Result:
+            found = future.result() if future is not None else work(own)
+            self.rays[stage] = self.rays.get(stage, 0) + own.rays.get(stage, 0)
+            return found
+
+        future = None
+        if self.threads == 1:
+            yield result
+            return
+        with ThreadPoolExecutor(1) as pool:
+            future = pool.submit(work, own)
+            try:
+                yield result
+            finally:
+                over.set()
+
     def map(self, work: Callable[..., Result], pieces: Iterable[Any]) -> list[Result]:
         """`work` of every piece, in the order of the pieces; a few pieces ahead of the workers at most."""
         pieces = list(pieces)
@@ -84,6 +112,11 @@ class Run:
         for future in finished:
             results[waiting.pop(future)] = future.result()
         return len(finished)
+
+
+def shares(count: int, size: int, least: int = 1) -> list[slice]:
+    """`count` things in runs of at most `size`, for threads: enough runs for all, but of at least `least` things."""
+    return slices(count, min(size, max(-(-count // SHARES), least)))
 
 
 def slices(count: int, size: int) -> list[slice]:

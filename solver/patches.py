@@ -95,7 +95,8 @@ class Patches:
         self.edge = max(float(np.max(np.asarray(high, np.float64) - self._low)) * 1.001, 1e-30)
         self.depth = int(np.clip(np.floor(np.log2(max(self.edge / smallest, 1.0))), 0, MOST_LEVELS))
         self._split: list[Keys] = [np.empty(0, np.uint64) for _ in range(self.depth + 1)]
-        self._index: dict[int, int] = {}
+        # The names of the patches, sorted, and the patch of each.
+        self._names, self._number_of = np.empty(0, np.uint64), np.empty(0, np.int32)
         self.key = np.empty(0, np.uint64)
         self.level = np.empty(0, np.int32)
 
@@ -114,13 +115,14 @@ class Patches:
         weight, seen_from : (n,) what each spot matters, and the distance from which it is looked at, metres. What is
             looked at from nearer than its box is wide counts NEAR_WEIGHT times: there the box would be seen through.
         """
+        marks = self._marks(spots)
         for level in range(self.depth):
-            keys, inverse = np.unique(self._keys(spots, level), return_inverse=True)
+            keys, inverse = np.unique(self._keys(marks, level), return_inverse=True)
             counted = np.where(seen_from < self.edge / 2.0**level, weight * np.float32(NEAR_WEIGHT), weight)
             heavy = np.bincount(inverse.reshape(-1), counted, len(keys)) > most
             self._add_split(level, keys[heavy])
             inside = heavy[inverse.reshape(-1)]
-            spots, weight, seen_from = spots.take(inside), weight[inside], seen_from[inside]
+            marks, weight, seen_from = marks.take(inside), weight[inside], seen_from[inside]
             if not len(weight):
                 break
 
@@ -130,17 +132,18 @@ class Patches:
             self._add_split(level, self.key[patches[self.level[patches] == level]])
 
     def of(self, spots: Spots) -> NDArray[np.int32]:
-        """The patch of each spot (n,) int32; new patches are numbered in the order of their levels and keys."""
-        numbers = np.full(len(spots.gap), -1, np.int32)
-        rest = np.arange(len(numbers))
-        for level in range(self.depth + 1):
-            keys = self._keys(spots.take(rest), level)
-            deeper = _contains(self._split[level], keys)
-            numbers[rest[~deeper]] = self._rooms(spots.take(rest[~deeper]), keys[~deeper], level)
-            rest = rest[deeper]
+        """The patch of each spot (n,) int32; new patches are numbered in the order of their names."""
+        count = len(spots.gap)
+        keys, level = np.empty(count, np.uint64), np.empty(count, np.int32)
+        rest, marks = np.arange(count), self._marks(spots)
+        for depth in range(self.depth + 1):
+            here = self._keys(marks, depth)
+            deeper = _contains(self._split[depth], here)
+            keys[rest[~deeper]], level[rest[~deeper]] = here[~deeper], depth
+            rest, marks = rest[deeper], marks.take(deeper)
             if not len(rest):
                 break
-        return numbers
+        return self._rooms(spots, keys, level)
 
     def part(self, points: Float, patches: Int) -> NDArray[np.uint8]:
         """Which eighth of its patch's box each point lies in, 0 ... 7."""
@@ -148,19 +151,19 @@ class Patches:
         voxel = np.floor((points - self._low) / half[:, None]).astype(np.int64) & 1
         return np.asarray(voxel @ np.array([1, 2, 4]), np.uint8)
 
-    def _rooms(self, spots: Spots, keys: Keys, level: int) -> NDArray[np.int32]:
+    def _rooms(self, spots: Spots, keys: Keys, level: Int) -> NDArray[np.int32]:
         """The patch of each spot (n,): of a box's patches the first that no wall hides from it."""
         numbers = self._numbers(spots, keys, keys, level)
         here = np.arange(len(keys))
         for room in range(1, MOST_ROOMS):
-            here = here[self._walled(spots.take(here), numbers[here], level)]
+            here = here[self._walled(spots.take(here), numbers[here], level[here])]
             if not len(here):
                 break
             behind = (keys[here] ^ np.uint64(room)) * np.uint64(0x9E3779B97F4A7C15)
-            numbers[here] = self._numbers(spots.take(here), behind, keys[here], level)
+            numbers[here] = self._numbers(spots.take(here), behind, keys[here], level[here])
         return numbers
 
-    def _walled(self, spots: Spots, numbers: NDArray[np.int32], level: int) -> NDArray[np.bool_]:
+    def _walled(self, spots: Spots, numbers: NDArray[np.int32], level: Int) -> NDArray[np.bool_]:
         """Whether a wall stands between each spot and the place that its patch is known by."""
         found = np.zeros(len(numbers), bool)
         if self._visibility is None:
@@ -168,50 +171,71 @@ class Patches:
         rows = np.flatnonzero(comparable(spots.points, spots.normals, self._place[numbers], self._facing[numbers]))
         one, patch = spots.take(rows), numbers[rows]
         found[rows] = walled(self._visibility, one.points, one.normals, np.minimum(one.gap, self._room[patch]),
-                             self._place[patch], np.full(len(rows), self.edge / 2.0**level, np.float32))
+                             self._place[patch], np.asarray(self.edge / 2.0 ** level[rows], np.float32))
         return found
 
-    def _numbers(self, spots: Spots, names: Keys, keys: Keys, level: int) -> NDArray[np.int32]:
+    def _numbers(self, spots: Spots, names: Keys, keys: Keys, level: Int) -> NDArray[np.int32]:
         """The patches of these names; those that are new are known by the first spot with that name."""
         unique, first, inverse = np.unique(names, return_index=True, return_inverse=True)
+        fresh = ~_contains(self._names, unique)
         numbers = np.empty(len(unique), np.int32)
-        fresh = []
-        for place, name in enumerate(unique.tolist()):
-            number = self._index.get(name)
-            if number is None:
-                number = self._index[name] = len(self._index)
-                fresh.append(int(first[place]))
-            numbers[place] = number
-        known_by = np.array(fresh, np.int64)
-        self.key = np.concatenate([self.key, keys[known_by]])
-        self.level = np.concatenate([self.level, np.full(len(fresh), level, np.int32)])
-        self._place = np.concatenate([self._place, spots.points[known_by]])
-        self._facing = np.concatenate([self._facing, spots.normals[known_by]])
-        self._room = np.concatenate([self._room, spots.gap[known_by]])
+        numbers[~fresh] = self._number_of[np.searchsorted(self._names, unique[~fresh])]
+        numbers[fresh] = np.arange(len(self), len(self) + np.count_nonzero(fresh), dtype=np.int32)
+        if fresh.any():
+            self._add(unique[fresh], numbers[fresh], keys[first[fresh]], level[first[fresh]], spots.take(first[fresh]))
         return np.asarray(numbers[inverse.reshape(-1)])
+
+    def _add(self, names: Keys, numbers: NDArray[np.int32], keys: Keys, level: Int, known_by: Spots) -> None:
+        place = np.searchsorted(self._names, names)
+        self._names = np.insert(self._names, place, names)
+        self._number_of = np.insert(self._number_of, place, numbers)
+        self.key = np.concatenate([self.key, keys])
+        self.level = np.concatenate([self.level, level.astype(np.int32)])
+        self._place = np.concatenate([self._place, known_by.points])
+        self._facing = np.concatenate([self._facing, known_by.normals])
+        self._room = np.concatenate([self._room, known_by.gap])
 
     def _add_split(self, level: int, keys: Keys) -> None:
         self._split[level] = np.union1d(self._split[level], keys)
 
-    def _keys(self, spots: Spots, level: int) -> Keys:
-        edge = self.edge / 2.0**level
-        place = (spots.points.astype(np.float64) - self._low) / edge
+    def _marks(self, spots: Spots) -> _Marks:
         axis = np.argmax(np.abs(spots.normals), axis=1)
-        row = np.arange(len(axis))
-        facing = 2 * axis + (spots.normals[row, axis] > 0)
-        place[row, axis] *= LAYERS
-        voxel = np.floor(place).astype(np.int64)
-        shell = self._shells.of_triangle[spots.triangle]
-        shell = np.where(self._shells.extent[shell] >= SMALL_SHELL * edge, shell, -1)
+        facing = 2 * axis + (spots.normals[np.arange(len(axis)), axis] > 0)
         with np.errstate(divide="ignore"):
             gap = np.floor(np.log(np.minimum(spots.gap / self._view, 1.0)) / np.log(GAP_FACTOR))
-        gap = np.maximum(gap, -GAP_CLASSES).astype(np.int64)
+        shell = self._shells.of_triangle[spots.triangle]
+        return _Marks(spots.points.astype(np.float64) - self._low, axis, facing, shell, self._shells.extent[shell],
+                      np.maximum(gap, -GAP_CLASSES).astype(np.int64))
+
+    def _keys(self, marks: _Marks, level: int) -> Keys:
+        edge = self.edge / 2.0**level
+        place = marks.place / edge
+        place[np.arange(len(marks.axis)), marks.axis] *= LAYERS
+        voxel = np.floor(place).astype(np.int64)
+        shell = np.where(marks.shell_extent >= SMALL_SHELL * edge, marks.shell, -1)
         with np.errstate(over="ignore"):
-            key = np.zeros(len(axis), np.uint64)
-            for part in (voxel[:, 0], voxel[:, 1], voxel[:, 2], level * 8 + facing, shell, gap):
+            key = np.zeros(len(shell), np.uint64)
+            for part in (voxel[:, 0], voxel[:, 1], voxel[:, 2], level * 8 + marks.facing, shell, marks.gap):
                 key = (key ^ part.astype(np.uint64)) * np.uint64(0x9E3779B97F4A7C15)
                 key ^= key >> np.uint64(29)
         return key
+
+
+@dataclass(frozen=True, eq=False)
+class _Marks:
+    """What the patch of a spot depends on at any level: its place about the octree's low corner (n, 3) metres, the axis
+    and the direction that it faces (n,), its shell and how wide that is (n,) metres, and its class of gap (n,)."""
+
+    place: Float
+    axis: Int
+    facing: Int
+    shell: Int
+    shell_extent: Float
+    gap: Int
+
+    def take(self, index: NDArray[Any]) -> _Marks:
+        """Some of them."""
+        return _Marks(*(getattr(self, name)[index] for name in self.__dataclass_fields__))
 
 
 def _contains(sorted_keys: Keys, keys: Keys) -> NDArray[np.bool_]:

@@ -7,12 +7,18 @@ from dataclasses import dataclass
 import numpy as np
 
 # Edge of a cell, and of the smallest patch, over the median distance that gather rays travel.
-CELL_SHARE = 0.024
+CELL_SHARE = 0.034
 SMALLEST_PATCH_SHARE = 0.02
 
 # The part of bounced light that the numbers below were found for (interiors), and the least that is planned for.
 USUAL_SHARE = 0.5
 LEAST_SHARE = 0.02
+
+# Most rays of a row.
+MOST_ROW_RAYS = 1024
+
+# Lumels that are audited.
+AUDIT_LUMELS = 384
 
 
 @dataclass(frozen=True)
@@ -21,6 +27,7 @@ class Plan:
 
     error : the wanted relative RMS error.
     patches : about how many there are before any is split for what the solution does inside it.
+    row_rays : of all rows together, and of each at least.
     gather_rays : of every receiver; where they prove too noisy, more follow.
     gather_error, direct_error : the parts of `error` that gather and direct light may each have.
     """
@@ -29,12 +36,16 @@ class Plan:
     patches: int
     smallest_patch: float
     cell_size: float
-    row_rays: int
+    row_rays: tuple[int, int]
     gather_rays: int
     gather_error: float
     direct_error: float
-    audit_lumels: int
-    audit_paths: int
+
+    def rays_of_row(self, patches: int) -> int:
+        """Rays of each row of so many patches. Light comes from many patches, and their rows' errors are independent, so
+        that few rays a row are enough where there are many rows."""
+        everything, least = self.row_rays
+        return int(np.clip(everything / max(patches, 1), least, max(least, MOST_ROW_RAYS)))
 
 
 def plan(error: float, distance: float, bounced: float) -> Plan:
@@ -47,19 +58,24 @@ def plan(error: float, distance: float, bounced: float) -> Plan:
         be as much coarser as it is less.
     """
     finer = float(np.clip(0.03 / error * max(bounced, LEAST_SHARE) / USUAL_SHARE, 0.1, 3.0))
-    # A pilot that is enough where light is smooth (METHODS: 256 rays 3 %, 1,024 rays 1 % of the indirect light).
-    gather = int(2 ** np.clip(np.round(np.log2(128 * 0.03 / error)), 5, 9))
+    # A pilot that is enough where light is smooth, since neighbours share theirs.
+    gather = int(2 ** np.clip(np.round(np.log2(64 * 0.03 / error)), 5, 9))
     return Plan(
         error=error,
-        patches=int(2000 * finer),
+        patches=int(6000 * finer),
         smallest_patch=SMALLEST_PATCH_SHARE * distance,
         cell_size=CELL_SHARE * distance / finer**0.5,
-        row_rays=int(np.clip(256 * finer, 64, 1024)),
+        row_rays=(int(2**20 * finer), int(np.clip(48 * finer, 32, 128))),
         gather_rays=gather,
-        gather_error=0.27 * error,
+        gather_error=0.7 * error,
         direct_error=0.3 * error,
-        # The audit's noise at one lumel, about 1 / sqrt(paths), may be the error that it is to see. For the same rays,
-        # many paths at few lumels tell the mean square error better than few paths at many.
-        audit_lumels=384,
-        audit_paths=int(np.clip(0.6 / error**2, 64, 4096)),
     )
+
+
+def audit_paths(error: float) -> int:
+    """Paths of each lumel that is audited.
+
+    The audit's noise at one lumel, about 1 / sqrt(paths), may be the error that it is to see. For the same rays, many
+    paths at few lumels tell the mean square error better than few paths at many.
+    """
+    return int(np.clip(0.6 / error**2, 64, 4096))

@@ -29,8 +29,8 @@ def kronecker(count: int, dimensions: int, start: int = 0) -> Float:
     return np.asarray((index * _steps(dimensions)) % 1.0, np.float32)
 
 
-def uniform(identity: NDArray[Any], dimension: int, seed: int) -> Float:
-    """A random number in [0, 1) for every identity: (n,) float32, the same wherever and whenever it is asked.
+def mixed(identity: NDArray[Any], dimension: int, seed: int) -> NDArray[np.uint64]:
+    """64 random bits for every identity: (n,) uint64, the same wherever and whenever they are asked for.
 
     Notes
     -----
@@ -44,8 +44,14 @@ def uniform(identity: NDArray[Any], dimension: int, seed: int) -> Float:
         key ^= key >> np.uint64(33)
         key *= np.uint64(0xC4CEB9FE1A85EC53)
         key ^= key >> np.uint64(33)
+    return np.asarray(key)
+
+
+def uniform(identity: NDArray[Any], dimension: int, seed: int) -> Float:
+    """A random number in [0, 1) for every identity: (n,) float32, from `mixed`."""
     # 24 bits: the most that a float32 below 1 holds.
-    return np.asarray((key >> np.uint64(40)).astype(np.float32) * np.float32(2.0**-24))
+    top = mixed(identity, dimension, seed) >> np.uint64(40)
+    return np.asarray(top.astype(np.float32) * np.float32(2.0**-24))
 
 
 def shifts(identity: NDArray[Any], dimensions: int, seed: int) -> Float:

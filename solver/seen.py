@@ -14,14 +14,17 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .cells import Cells
+from .footprints import EachPoint
 from .geometry import Geometry
-from .sampling import uniform
+from .sampling import mixed
 
 Float = NDArray[np.floating[Any]]
 Int = NDArray[np.integer[Any]]
 
 # Points of a cell that are kept.
 PLACES = 4
+# Bits of a cell's side (`cells.MAX_SIDES`) in a key that is sorted by; the others are random.
+SIDE_BITS = 27
 
 
 @dataclass(frozen=True, eq=False)
@@ -47,7 +50,9 @@ class Seen:
         A few of a few are the few of all: however rays are cut into chunks, the same points are kept.
         """
         bits = (self.u.view(np.uint32).astype(np.uint64) << np.uint64(32)) | self.v.view(np.uint32)
-        order = np.lexsort((bits, uniform(bits, 0, 0), self.side))
+        # One key is sorted much faster than two. Its random bits differ between points of a cell.
+        side = self.side.astype(np.uint64) << np.uint64(64 - SIDE_BITS)
+        order = np.argsort(side | mixed(bits, 0, 0) >> np.uint64(SIDE_BITS))
         side = self.side[order]
         first = np.flatnonzero(np.diff(side, prepend=-1))
         count = np.diff(first, append=len(side))
@@ -56,7 +61,7 @@ class Seen:
         return self.take(order[np.repeat(first, kept) + turn])
 
 
-class SeenFootprints:
+class SeenFootprints(EachPoint):
     """Cells, as footprints made of a few points each."""
 
     def __init__(self, geometry: Geometry, cells: Cells, seen: Seen) -> None:

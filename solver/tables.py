@@ -12,12 +12,14 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from .parallel import Run, slices
+from .parallel import Run, shares
 
 Float = NDArray[np.floating[Any]]
 Int = NDArray[np.integer[Any]]
 
 CHUNK = 2**18
+# Fewer rays than this are not worth a thread.
+LEAST = 2**14
 
 
 def padded(values: Float, last: Float | None = None) -> Float:
@@ -38,7 +40,7 @@ def mean_of_hits(table: Float, hits: NDArray[np.int32], run: Run) -> Float:
     """(p, 3): means over each row (p, rays) of indices into a padded table."""
     count = hits.shape[1]
     parts = run.map(lambda part: mean_over_rays(np.take(table, hits[part].reshape(-1), axis=0), count),
-                    slices(len(hits), max(1, CHUNK // count)))
+                    shares(len(hits), max(1, CHUNK // count), LEAST // count))
     return np.concatenate(parts)
 
 

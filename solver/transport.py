@@ -20,7 +20,7 @@ from .geometry import Geometry
 from .growing import Growing
 from .linear import LinearResult, solve_linear
 from .met_cells import MetCells
-from .parallel import Run, slices
+from .parallel import Run, shares, slices
 from .patches import Patches
 from .rows import Rows
 from .sampling import cosine_directions, kronecker, shifted, shifts
@@ -32,6 +32,8 @@ Float = NDArray[np.floating[Any]]
 Int = NDArray[np.integer[Any]]
 
 CHUNK_RAYS = 2**17
+# Fewer rays than this are not worth a thread.
+LEAST_RAYS = 2**13
 # Generations of patches that see patches that see ... before what is newly met is left to an average.
 MOST_WAVES = 8
 
@@ -206,7 +208,7 @@ class Transport:
         for part in slices(len(patches), max(1, 2**22 // rays)):
             these = patches[part]
             start = partial(self._row_rays, these, rays, *self._members(these))
-            pieces = self._run.map(start, slices(len(these), max(1, CHUNK_RAYS // rays)))
+            pieces = self._run.map(start, shares(len(these), max(1, CHUNK_RAYS // rays), LEAST_RAYS // rays))
             sides = np.concatenate([piece[0] for piece in pieces])
             self.meet([piece[3] for piece in pieces])
             hits = self.cells.rows(sides.reshape(-1)).reshape(sides.shape)

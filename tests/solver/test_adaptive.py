@@ -1,10 +1,10 @@
-"""How rays are shared out: to the wanted mean variance, with the fewest rays."""
+"""How rays are shared out: to the wanted mean square error, with the fewest rays."""
 
 from __future__ import annotations
 
 import numpy as np
 import pytest
-from radiosity.solver.adaptive import RATE, _factors, _groups, _pooled
+from radiosity.solver.adaptive import RATE, _error, _factors, _groups
 
 COUNT = 5000
 
@@ -50,8 +50,8 @@ def test_noisier_receivers_get_no_fewer_rays():
 
 
 def test_even_noise_is_answered_by_the_law_of_quasi_random_rays():
-    # Variance 8^1.5 times too large everywhere: 8 times the rays.
-    assert (_factors(np.full(100, 8.0**1.5), 1.0, np.full(100, 32.0)) == 8).all()
+    # Errors 8^RATE times too large everywhere: 8 times the rays.
+    assert (_factors(np.full(100, 8.0**RATE), 1.0, np.full(100, 32.0)) == 8).all()
 
 
 def test_no_receiver_gets_more_than_the_most():
@@ -61,14 +61,16 @@ def test_no_receiver_gets_more_than_the_most():
 
 
 def test_receivers_of_equal_need_are_asked_together():
-    # Rays 10, 10, 20, 10 times factors 1, 2, 2, 4: 0, 10, 20, 30 more.
-    groups = _groups(np.array([10, 10, 20, 10]), np.array([1.0, 2, 2, 4]))
-    assert [(count, rows.tolist()) for count, rows in groups] == [(10, [1]), (20, [2]), (30, [3])]
+    # Rays 10, 10, 20, 10, 10 times factors 1, 2, 2, 4, 2: 0, 10, 20, 30, 10 more.
+    groups = _groups(np.array([10, 10, 20, 10, 10]), np.array([1.0, 2, 2, 4, 2]))
+    assert [(before, more, rows.tolist()) for before, more, rows in groups] == [
+        (10, 10, [1, 4]), (10, 30, [3]), (20, 20, [2])]
 
 
-def test_the_pooled_variance_of_two_looks_is_that_of_their_mean():
+def test_the_error_of_two_lone_looks_is_that_of_their_mean():
     # Looks of noise 1 in every channel: their mean has variance 1/2; emitted and reflected light count together.
     rng = np.random.default_rng(5)
-    difference = np.zeros((200_000, 6), np.float32)
-    difference[:, :3] = rng.normal(size=(200_000, 3)) - rng.normal(size=(200_000, 3))
-    assert _pooled(difference, None).mean() == pytest.approx(0.5, rel=0.01)
+    looks = [np.zeros((200_000, 6), np.float32) for _ in range(2)]
+    for look in looks:
+        look[:, :3] = rng.normal(size=(200_000, 3))
+    assert _error(looks, None, None, None).mean() == pytest.approx(0.5, rel=0.01)

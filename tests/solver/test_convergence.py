@@ -20,8 +20,9 @@ ROOM = box((0, 0, 0), (1, 1, 1))
 
 def _planned(monkeypatch, **words):
     """Let bakes spend what the words say, and next to nothing on the audit."""
-    monkeypatch.setattr(module, "plan", lambda *arguments: replace(
-        plan(*arguments), audit_lumels=2, audit_paths=8, **words))
+    monkeypatch.setattr(module, "plan", lambda *arguments: replace(plan(*arguments), **words))
+    monkeypatch.setattr(module, "AUDIT_LUMELS", 2)
+    monkeypatch.setattr(module, "audit_paths", lambda error: 8)
 
 
 def _rate(sizes, errors):
@@ -53,7 +54,7 @@ def test_irradiance_from_rows_falls_faster_than_random_rays(monkeypatch):
     monkeypatch.setattr(module, "MOST_REFINEMENTS", 0)
 
     def solved(rays, seed):
-        _planned(monkeypatch, row_rays=rays, patches=200, smallest_patch=0.05, cell_size=0.015)
+        _planned(monkeypatch, row_rays=(rays, rays), patches=200, smallest_patch=0.05, cell_size=0.015)
         return solve(scene, Settings(error=0.1, seed=seed)).irradiance[:, 0]
 
     references = [solved(8192, seed) for seed in range(3)]
@@ -74,7 +75,7 @@ def test_what_patches_leave_after_the_gather_falls_with_the_square_of_their_size
     monkeypatch.setattr(module, "MOST_REFINEMENTS", 0)
     found, counts = [], []
     for patches in (24, 96, 384, 1500):
-        _planned(monkeypatch, gather_rays=1024, gather_error=1e9, patches=patches, row_rays=512, smallest_patch=1e-3,
+        _planned(monkeypatch, gather_rays=1024, gather_error=1e9, patches=patches, row_rays=(512, 512), smallest_patch=1e-3,
                  cell_size=0.05)
         found.append(np.mean([irradiance(scene, Settings(error=0.1, passes="indirect", seed=seed), points,
                                          normals)[:, 0] for seed in range(2)], axis=0))

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from radiosity.solver.neighbours import Neighbours
 from radiosity.solver.parallel import Run
-from radiosity.solver.smooth import smooth
+from radiosity.solver.smooth import remaining, smooth
 from radiosity.tests.solver.test_neighbours import lumels
 
 SIDE = 64
@@ -114,3 +114,20 @@ def test_half_the_difference_still_tells_the_error_of_the_mean():
     assert np.mean(estimated) ** 0.5 == pytest.approx(np.mean(true) ** 0.5, rel=0.25)
 
 
+def test_what_remains_is_the_noise_where_light_is_even():
+    # Truth 1, noise .1 a look: what remains lies between the error of the filtered mean and that of the mean itself.
+    flat, receivers = _plane()
+    first, second = _looks(np.ones(SIDE**2))
+    filtered = sum(smooth(first, second, receivers, Neighbours(flat), Run(1)))[:, 3] / 2
+    left = remaining(first, second, receivers, Neighbours(flat), Run(1)).mean()
+    assert np.mean((filtered - 1) ** 2) < left < NOISE**2 / 2 / 4
+
+
+def test_what_remains_tells_of_blur_that_two_filtered_looks_share():
+    # Light of 1 and 1.2 in single texels by turns, noise .1: no filter helps, and each that is blurred errs by .1. What
+    # remains is the noise of the plain mean, .1^2 / 2, not the far smaller difference of two blurred looks.
+    flat, receivers = _plane()
+    x, y = np.arange(SIDE**2) % SIDE, np.arange(SIDE**2) // SIDE
+    first, second = _looks(1 + 0.2 * ((x + y) % 2))
+    left = remaining(first, second, receivers, Neighbours(flat), Run(1)).mean()
+    assert left == pytest.approx(NOISE**2 / 2, rel=0.2)
