@@ -1,10 +1,10 @@
 """Rays where the gather is noisy, and no more of them than the wanted error asks for.
 
-Every receiver is gathered twice, with independent random shifts, and both looks are smoothed. What is left of the error
-then, blur and noise, is estimated from the two (`smooth.remaining`): the estimates tell where more rays are needed, and
-their mean how good the whole is. More rays go on with the point set of the rays before. Given v_i, the mean square error
-of receiver i at n rays, and errors falling as n^-RATE, the mean falls fastest for the rays spent if n_i grows as
-v_i^(1 / (1 + RATE)).
+Every receiver is gathered twice, with independent random shifts, and both looks are smoothed. What is left of the
+error then, blur and noise, is estimated from the two (`smooth.remaining`): the estimates tell where more rays are
+needed, and their mean how good the whole is. More rays go on with the point set of the rays before. Given v_i, the mean
+square error of receiver i at n rays, and errors falling as n^-RATE, the mean falls fastest for the rays spent if n_i
+grows as v_i^(1 / (1 + RATE)).
 """
 
 from __future__ import annotations

@@ -1,8 +1,8 @@
 """Fans of rays: cosine-distributed quasi-random rays from many receivers at once.
 
-What all rays of a receiver share is worked out once a receiver: the plane of its footprint (`planes.py`), its normal, the
-frame about it. The shift of the azimuth (Cranley & Patterson 1976) turns that frame instead of every direction, and rays are
-products of small matrices. Where a smooth surface turns within a footprint, each ray has a frame of its own.
+What all rays of a receiver share is worked out once a receiver: the plane of its footprint (`planes.py`), its normal,
+the frame about it. The shift of the azimuth (Cranley & Patterson 1976) turns that frame instead of every direction, and
+rays are products of small matrices. Where a smooth surface turns within a footprint, each ray has a frame of its own.
 """
 
 from __future__ import annotations

@@ -122,8 +122,8 @@ class Gather:
         return self.transport.cells.rows(np.concatenate([piece.sides for piece in pieces]))
 
     def light(self, fans: Fans, looks: Sequence[Look], run: Run) -> list[Float]:
-        """What each look finds: (n, 6 + 3 g) float32, W/m2. Irradiance from sky and gathered emitters, and from light that
-        surfaces reflect, and what of both is wanted of each light group.
+        """What each look finds: (n, 6 + 3 g) float32, W/m2. Irradiance from sky and gathered emitters, and from light
+        that surfaces reflect, and what of both is wanted of each light group.
 
         All looks go on together, since every bounce may meet cells that have no light yet, and it takes as long to give
         it to few as to many.

@@ -42,8 +42,8 @@ class Plan:
     direct_error: float
 
     def rays_of_row(self, patches: int) -> int:
-        """Rays of each row of so many patches. Light comes from many patches, and their rows' errors are independent, so
-        that few rays a row are enough where there are many rows."""
+        """Rays of each row of so many patches: light comes from many patches, and their rows' errors are independent,
+        so that few rays a row are enough where there are many rows."""
         everything, least = self.row_rays
         return int(np.clip(everything / max(patches, 1), least, max(least, MOST_ROW_RAYS)))
 

@@ -46,8 +46,8 @@ class Planes:
         self._look_at_corners(np.flatnonzero(solid))
 
     def places(self, rows: Int, x: Float, y: Float) -> Float:
-        """Places on the planes of `rows` at x and y (n, k) in [0, 1): (n, 3, k) float32, from the middle in steps of the
-        footprint, with 1 in the last row. Those off the triangle are replaced by others on it."""
+        """Places on the planes of `rows` at x and y (n, k) in [0, 1): (n, 3, k) float32, from the middle in steps of
+        the footprint, with 1 in the last row. Those off the triangle are replaced by others on it."""
         local = np.empty((len(rows), 3, x.shape[1]), np.float32)
         np.subtract(x, np.float32(0.5), out=local[:, 0])
         np.subtract(y, np.float32(0.5), out=local[:, 1])

@@ -75,8 +75,8 @@ def test_what_patches_leave_after_the_gather_falls_with_the_square_of_their_size
     monkeypatch.setattr(module, "MOST_REFINEMENTS", 0)
     found, counts = [], []
     for patches in (24, 96, 384, 1500):
-        _planned(monkeypatch, gather_rays=1024, gather_error=1e9, patches=patches, row_rays=(512, 512), smallest_patch=1e-3,
-                 cell_size=0.05)
+        _planned(monkeypatch, gather_rays=1024, gather_error=1e9, patches=patches, row_rays=(512, 512),
+                 smallest_patch=1e-3, cell_size=0.05)
         found.append(np.mean([irradiance(scene, Settings(error=0.1, passes="indirect", seed=seed), points,
                                          normals)[:, 0] for seed in range(2)], axis=0))
         counts.append(solve(scene, Settings(error=0.1)).statistics["patches"])
