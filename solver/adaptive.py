@@ -9,11 +9,13 @@ grows as v_i^(1 / (1 + RATE)).
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from .estimator import TRIMMED_FRACTION
 from .fans import Fans
 from .gather import Gather, Look
 from .neighbours import Neighbours
@@ -28,7 +30,7 @@ Int = NDArray[np.integer[Any]]
 # The mean square error of n quasi-random rays falls as n^-RATE (measured in rooms: n^-1.1 to n^-1.3).
 RATE = 1.2
 # Most rays of a receiver over those of the first look.
-MOST_FACTOR = 32
+MOST_FACTOR = 128
 # Looks after the first: each can mend what the one before misjudged.
 MOST_ROUNDS = 3
 # Part of a receiver's error that is taken from all receivers, since its own is known from few samples only.
@@ -39,36 +41,54 @@ LONE_PRIOR = 0.6
 CLOSE_ENOUGH = 1.1
 
 
+@dataclass(frozen=True, eq=False)
+class Gathered:
+    """What the gather found, float32, W/m2.
+
+    first, bounced : (n, 3) irradiance from sky and gathered emitters, and from reflected light.
+    apart : (n, 3 g) what is wanted of both of each light group.
+    error : root mean square error that is expected.
+    """
+
+    first: Float
+    bounced: Float
+    apart: Float
+    error: float
+
+
 def gather_adaptively(transport: Transport, fans: Fans, plan: Plan, level: float, seed: int,
-                      neighbours: Neighbours | None, run: Run) -> tuple[Float, Float, Float]:
-    """Gather until the sampling error is about `plan.gather_error` of the mean light.
+                      neighbours: Neighbours | None, run: Run) -> Gathered:
+    """Gather until the error is about `plan.gather_error` of the mean light.
 
     Parameters
     ----------
     level : the lamps' mean direct light at the footprints, W/m2; counted with what is gathered.
     neighbours : of the footprints; None for receivers that have none, which are not smoothed.
-
-    Returns
-    -------
-    (n, 3) float32 irradiance from sky and gathered emitters, and from reflected light, W/m2; and (n, 3 g) what is
-    wanted of both of each light group.
     """
     gather = Gather(transport)
     half = plan.gather_rays // 2
     rays = np.full(len(fans), half, np.int64)
     looks = gather.light(fans, _both(np.arange(len(fans)), half, 0, seed), run)
+    error = _error(looks, fans, neighbours, run)
     for _ in range(MOST_ROUNDS):
-        error = _error(looks, fans, neighbours, run)
         light = (looks[0][:, :6] + looks[1][:, :6]).mean()
         wanted = (plan.gather_error * (level + float(light))) ** 2
-        if error.mean() <= wanted * CLOSE_ENOUGH**2:
+        if _mean(error) <= wanted * CLOSE_ENOUGH**2:
             break
         factor = _factors(_known(error, neighbours), wanted, MOST_FACTOR * half / rays)
+        if not (factor > 1).any():
+            break
         _go_on(gather, fans, looks, rays, factor, seed, run)
+        error = _error(looks, fans, neighbours, run)
     if neighbours is not None:
         looks = list(smooth(looks[0], looks[1], fans.receivers, neighbours, run))
     value = (looks[0] + looks[1]) / 2
-    return value[:, :3], value[:, 3:6], value[:, 6:]
+    return Gathered(value[:, :3], value[:, 3:6], value[:, 6:], _mean(error) ** 0.5)
+
+
+def _mean(error: Float) -> float:
+    """The mean of errors (n,), the largest left out as `estimator.score` does."""
+    return float(np.sort(error)[: max(1, int(len(error) * (1 - TRIMMED_FRACTION)))].mean())
 
 
 def _both(rows: Int, count: int, start: int, seed: int) -> list[Look]:
@@ -82,7 +102,7 @@ def _go_on(gather: Gather, fans: Fans, looks: list[Float], rays: Int, factor: Fl
     for number, (look, found) in enumerate(zip(asked, gather.light(fans, asked, run), strict=True)):
         held = looks[number % 2]
         held[look.rows] += (found - held[look.rows]) * np.float32(look.count / (look.start + look.count))
-    rays *= factor.astype(np.int64)
+    rays[:] = rays * factor
 
 
 def _groups(rays: Int, factor: Float) -> list[tuple[int, int, Int]]:
@@ -96,7 +116,7 @@ def _error(looks: list[Float], fans: Fans, neighbours: Neighbours | None, run: R
     """(n,) mean square error of the mean of two looks, W2/m4."""
     if neighbours is None:
         difference = looks[0] - looks[1]
-        return np.square(difference[:, :3] + difference[:, 3:6]).mean(axis=1) / 4
+        return np.asarray(np.square(difference[:, :3] + difference[:, 3:6]).mean(axis=1) / 4)
     return remaining(looks[0], looks[1], fans.receivers, neighbours, run)
 
 

@@ -36,6 +36,8 @@ CHUNK_PATHS = 2**15
 GROUPS = 8
 # A mean square this many standard errors below zero is taken for chance all the same.
 MOST_DEVIATIONS = 5.0
+# By which part of itself the mean square that a bake expects may be off (one standard deviation).
+EXPECTED_DOUBT = 0.5
 # Standard errors to either side of an interval of 95 %.
 INTERVAL = 1.96
 # Shadow rays of a receiver and lamp in each group.
@@ -67,9 +69,9 @@ class Truth:
 class ErrorBar:
     """Relative errors, as fractions of the mean of the audited light.
 
-    `rms` and `bias` are freed of the audit's noise; `rms` is never negative, so where the noise is larger it is the
-    mean of what it may be. `p95` and `worst` are scaled down to the same RMS. The true RMS
-    lies between `rms_low` and `rms_high` with a probability of about 95 %.
+    `rms` and `bias` are freed of the audit's noise. Where that noise hides the error, `rms` leans on what the bake
+    itself expects; where that is not known, it is the mean of what it may be. `p95` and `worst` are scaled down to the
+    same RMS. The true RMS lies between `rms_low` and `rms_high`, the audit's own, with a probability of about 95 %.
     """
 
     rms: float
@@ -82,8 +84,10 @@ class ErrorBar:
     lumels_audited: int
 
 
-def error_bar(baked: Float, groups: Float) -> ErrorBar:
+def error_bar(baked: Float, groups: Float, expected: float | None = None) -> ErrorBar:
     """Compare baked values (k, 3) with independent estimates (k, groups, 3).
+
+    expected : the relative RMS error that the bake itself expects; None if it does not say.
 
     Receivers count that are lit in either: those that the audit's few paths found lit would be the ones that it found
     too bright.
@@ -116,6 +120,8 @@ def error_bar(baked: Float, groups: Float) -> ErrorBar:
     low = float(np.sqrt(max(square - doubt, 0.0))) / level
     high = float(np.sqrt(square + doubt + skew + tail)) / level
     rms = np.sqrt(_known_positive(float(squares.mean()), own)) / level
+    if expected is not None:
+        rms = np.sqrt(_weighed(float(squares.mean()), own, (expected * level) ** 2)) / level
     seen = np.sqrt(float((deviation**2).mean())) / level
     shrink = rms / seen if seen > 0 else 0.0
     size = np.abs(deviation).max(axis=1) / level
@@ -127,6 +133,15 @@ def error_bar(baked: Float, groups: Float) -> ErrorBar:
     high = max(high, abs(bias) + INTERVAL * bias_error)
     return ErrorBar(float(rms), low, high, float(np.quantile(size, 0.95) * shrink), float(size.max() * shrink), bias,
                     bias_error, len(baked))
+
+
+def _weighed(found: float, deviation: float, expected: float) -> float:
+    """A mean square from what an audit found, with its standard deviation, and from what was expected: each by one over
+    its variance."""
+    if expected <= 0 or deviation <= 0:
+        return max(found, 0.0)
+    doubt = EXPECTED_DOUBT * expected
+    return max((found * doubt**2 + expected * deviation**2) / (doubt**2 + deviation**2), 0.0)
 
 
 def _known_positive(found: float, deviation: float) -> float:

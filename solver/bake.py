@@ -163,7 +163,8 @@ class _Work:
             with self.stages("audit"):
                 found = truth()
                 passes = self.settings.passes
-                self.error = error_bar(_passes(direct[found.rows], bounced[found.rows], passes), found.groups(passes))
+                self.error = error_bar(_passes(direct[found.rows], bounced[found.rows], passes), found.groups(passes),
+                                       self.expected)
         return direct, bounced
 
     def _solved_light(self, receivers: Receivers, places: ReceiverFootprints,
@@ -171,15 +172,14 @@ class _Work:
         seed = self.settings.seed
         self.transported = self.transport(receivers, places)
         with self.stages("gather"):
-            first, bounced, apart = gather_adaptively(self.transported, self.fans, self.plan, self.lamps, seed, near,
-                                                      self.run)
+            gathered = gather_adaptively(self.transported, self.fans, self.plan, self.lamps, seed, near, self.run)
         with self.stages("direct"):
-            level = self.lamps + float(first.mean() + bounced.mean())
+            level = self.lamps + float(gathered.first.mean() + gathered.bounced.mean())
+            self.expected = self.plan.expected_error(gathered.error / max(level, 1e-30))
             lit = self.direct.apart(places, self.run, level * self.plan.direct_error, PILOT if near else LONE_PILOT,
                                     neighbours=near.at(1) if near else None)
-            direct = first + lit[:, :3]
-            self.apart = apart if self.settings.passes == "indirect" else apart + lit[:, 3:]
-        return direct, bounced
+            self.apart = gathered.apart if self.settings.passes == "indirect" else gathered.apart + lit[:, 3:]
+        return gathered.first + lit[:, :3], gathered.bounced
 
     def _lamp_level(self, receivers: Receivers) -> float:
         """The mean of the lamps' light over a sample of the receivers, W/m2."""

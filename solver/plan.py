@@ -29,7 +29,8 @@ class Plan:
     patches : about how many there are before any is split for what the solution does inside it.
     row_rays : of all rows together, and of each at least.
     gather_rays : of every receiver; where they prove too noisy, more follow.
-    gather_error, direct_error : the parts of `error` that gather and direct light may each have.
+    gather_error, direct_error, patch_error : relative errors that gather, direct light, and cells and patches may each
+        have; of the last two, bakes against finer ones had about half.
     """
 
     error: float
@@ -40,6 +41,11 @@ class Plan:
     gather_rays: int
     gather_error: float
     direct_error: float
+    patch_error: float
+
+    def expected_error(self, gather: float) -> float:
+        """The relative RMS error that a bake expects, from the one of its gather."""
+        return float(np.sqrt(gather**2 + (self.direct_error**2 + self.patch_error**2) / 4))
 
     def rays_of_row(self, patches: int) -> int:
         """Rays of each row of so many patches: light comes from many patches, and their rows' errors are independent,
@@ -69,6 +75,7 @@ def plan(error: float, distance: float, bounced: float) -> Plan:
         gather_rays=gather,
         gather_error=0.7 * error,
         direct_error=0.3 * error,
+        patch_error=0.3 * error,
     )
 
 

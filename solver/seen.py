@@ -51,8 +51,8 @@ class Seen:
         """
         bits = (self.u.view(np.uint32).astype(np.uint64) << np.uint64(32)) | self.v.view(np.uint32)
         # One key is sorted much faster than two. Its random bits differ between points of a cell.
-        side = self.side.astype(np.uint64) << np.uint64(64 - SIDE_BITS)
-        order = np.argsort(side | mixed(bits, 0, 0) >> np.uint64(SIDE_BITS))
+        cell = self.side.astype(np.uint64) << np.uint64(64 - SIDE_BITS)
+        order = np.argsort(cell | mixed(bits, 0, 0) >> np.uint64(SIDE_BITS))
         side = self.side[order]
         first = np.flatnonzero(np.diff(side, prepend=-1))
         count = np.diff(first, append=len(side))
