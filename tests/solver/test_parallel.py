@@ -1,0 +1,65 @@
+"""Work for threads: how it is cut, and what goes on beside the rest."""
+
+from __future__ import annotations
+
+import threading
+
+import pytest
+from radiosity.solver.errors import Cancelled
+from radiosity.solver.parallel import SHARES, Run, shares
+
+
+@pytest.mark.parametrize(("count", "size", "least"), [(0, 10, 1), (7, 100, 1), (1000, 100, 1), (1000, 10_000, 400),
+                                                      (10**6, 2**17, 2**13)])
+def test_shares_cover_everything_once(count, size, least):
+    # In order, none larger than the size, none but the last smaller than the least or an even share.
+    parts = shares(count, size, least)
+    assert [index for part in parts for index in range(part.start, part.stop)] == list(range(count))
+    assert all(part.stop - part.start <= size for part in parts)
+    assert all(part.stop - part.start >= min(size, least, count) for part in parts[:-1])
+
+
+def test_much_work_is_enough_for_many_threads():
+    # 1,000 things that all fit into one run make SHARES of them all the same; 1,000 that are too few for that make one.
+    assert len(shares(1000, 10**6)) == SHARES
+    assert len(shares(1000, 10**6, least=1000)) == 1
+
+
+@pytest.mark.parametrize("threads", [1, 3])
+def test_what_goes_on_beside_counts_its_rays_for_its_own_stage(threads):
+    # 5 rays beside, 7 in the main work, whose stage changes meanwhile.
+    run = Run(threads, stage="gather")
+
+    def work(own):
+        own.count(5)
+        return "found"
+
+    with run.beside("audit", work) as result:
+        run.stage = "direct"
+        run.count(7)
+        assert result() == "found"
+    assert run.rays == {"direct": 7, "audit": 5}
+
+
+def test_what_goes_on_beside_ends_when_the_main_work_fails():
+    # The main work raises: the other one, which would wait for ever, is told at its next look.
+    started, run = threading.Event(), Run(2)
+
+    def work(own):
+        started.set()
+        while True:
+            own.check()
+
+    with pytest.raises(ValueError, match="main work"), run.beside("audit", work):
+        started.wait()
+        raise ValueError("main work")
+
+
+def test_what_fails_beside_fails_where_its_result_is_asked_for():
+    run = Run(2)
+
+    def work(own):
+        raise Cancelled("no")
+
+    with run.beside("audit", work) as result, pytest.raises(Cancelled):
+        result()

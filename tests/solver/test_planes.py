@@ -1,0 +1,60 @@
+"""Many points of a footprint at once lie where single points do."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from radiosity.solver.footprints import ReceiverFootprints
+from radiosity.solver.geometry import Geometry
+from radiosity.solver.probes import probes
+from radiosity.solver.receivers import Receivers
+from radiosity.tests.solver.rooms import quad
+
+COUNT = 64
+
+
+def _places(step, centre=(0.3, 0.3), count=5):
+    """The same footprint on the first triangle of a square of 1 m, some times."""
+    scene = quad((0, 0, 0), (1, 0, 0), (0, 1, 0)).scene()
+    geometry = Geometry(scene)
+    middle = np.tile(np.array(centre, np.float32), (count, 1))
+    points = geometry.point(np.zeros(count, int), *middle.T)
+    receivers = Receivers(points, np.tile(np.float32((0, 0, 1)), (count, 1)), np.zeros(count, np.int32), middle,
+                          np.tile(np.float32(step), (count, 1, 1)))
+    return ReceiverFootprints(geometry, receivers, 1.0, 0)
+
+
+def _fan(places):
+    x, y = np.random.default_rng(3).random((2, len(places), COUNT), np.float32)
+    return x, y, *places.fan(np.arange(len(places)), x, y)
+
+
+def test_a_fan_of_a_whole_footprint_is_its_single_points():
+    # A footprint of 10 cm in the middle of a triangle: the same points and normals, one by one and all together.
+    places = _places([[0.1, 0], [0, 0.1]])
+    x, y, points, normals = _fan(places)
+    single = places.sample(np.repeat(np.arange(len(places)), COUNT), x.reshape(-1), y.reshape(-1))
+    assert points == pytest.approx(single[0], abs=1e-6)
+    assert normals == pytest.approx(single[1], abs=1e-6)
+
+
+def test_a_fan_of_a_footprint_astride_stays_on_its_triangle():
+    # Half of the footprint lies beyond the triangle's third side; its points are spread over the other half.
+    places = _places([[0.4, 0], [0, 0.4]], centre=(0.45, 0.45))
+    geometry = places.geometry
+    _, _, points, _ = _fan(places)
+    base, first, second = geometry.corners[0, 0], *(geometry.corners[0, 1:] - geometry.corners[0, :1])
+    weights = np.linalg.lstsq(np.stack([first, second], axis=1), (points - base).T, rcond=None)[0]
+    assert weights.min() > 0.2
+    assert weights.sum(axis=0).max() < 1 + 1e-5
+    assert len(np.unique(np.round(weights, 5), axis=1).T) > len(points) / 4
+
+
+def test_a_probe_has_one_point():
+    # Receivers on no surface have no extent.
+    scene = quad((0, 0, 0), (1, 0, 0), (0, 1, 0)).scene()
+    points = np.array([(0.5, 0.5, 1.0), (0.2, 0.2, 2.0)])
+    places = ReceiverFootprints(Geometry(scene), probes(scene, points, np.array([(0, 0, 1.0)] * 2)), 0.5, 0)
+    _, _, found, normals = _fan(places)
+    assert found + scene.origin == pytest.approx(np.repeat(points, COUNT, axis=0), abs=1e-4)
+    assert normals == pytest.approx(np.tile((0, 0, 1.0), (2 * COUNT, 1)))
