@@ -50,9 +50,13 @@ def test_what_goes_on_beside_ends_when_the_main_work_fails():
         while True:
             own.check()
 
-    with pytest.raises(ValueError, match="main work"), run.beside("audit", work):
-        started.wait()
-        raise ValueError("main work")
+    def fail():
+        with run.beside("audit", work):
+            started.wait()
+            raise ValueError("main work")
+
+    with pytest.raises(ValueError, match="main work"):
+        fail()
 
 
 def test_what_fails_beside_fails_where_its_result_is_asked_for():
