@@ -6,11 +6,12 @@ The rows of a run go to out/validation.md; `python tools/validation.py` keeps do
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from functools import partial
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
+import numpy as np
 import pytest
 from radiosity.tests.solver.stability import Failures
 
@@ -78,6 +79,25 @@ def validation() -> Iterator[Validation]:
         TABLE.parent.mkdir(exist_ok=True)
         lines = [row.line() for row in sorted(collected.rows, key=_in_order)]
         TABLE.write_text(HEADER + "".join(lines), encoding="utf-8")
+
+
+@pytest.fixture
+def judge(validation: Validation) -> Callable[..., None]:
+    """Hold answers (times, n) to exact values (n,): all to `error` (RMS), the mean of each point's to a third of it.
+
+    judge(case, quantities, exact, ours, error, truncation): `truncation` is what the scene's own shape is off by,
+    relative to the exact values' mean.
+    """
+    def check(case: str, quantities: Sequence[str], exact: Any, ours: Any, error: float,
+              truncation: float = 0.0) -> None:
+        exact = np.asarray(exact, float)
+        level = exact.mean()
+        deviation = np.sqrt(np.mean((ours - exact) ** 2)) / level
+        assert deviation <= error + truncation, f"{case}: RMS error {deviation:.4f}, wanted {error}"
+        noise = ours.std(axis=0, ddof=1) / np.sqrt(len(ours))
+        for quantity, right, found, sigma in zip(quantities, exact, ours.mean(axis=0), noise, strict=True):
+            validation(case, quantity, right, found, sigma, relative=(error / 3 + truncation) * level / right)
+    return check
 
 
 @pytest.fixture(scope="session")
