@@ -53,9 +53,12 @@ CASES = {
         "test_form_factor.py::test_planes_that_cut_both_polygons_clip_both")),
     "S-5": Case("scenes of 4 mm and 4 km, or 10,000 sizes from the origin", (
         "test_form_factor.py::test_scale_and_place_of_a_scene_do_not_matter",
-        "test_radiosity_stability.py::test_a_room_of_any_size_and_place_gets_the_same_light")),
-    "S-6": Case("needles of 1 : 10,000", ("test_form_factor.py::test_needles_keep_their_digits",
-                                          "test_stability_scenes.py::test_walls_of_needles_reflect_as_whole_ones")),
+        "test_radiosity_stability.py::test_a_room_of_any_size_and_place_gets_the_same_light",
+        "test_stability_plates.py::test_plates_of_any_size_and_place_get_the_exact_light")),
+    "S-6": Case("needles of 1 : 10,000", (
+        "test_form_factor.py::test_needles_keep_their_digits",
+        "test_stability_scenes.py::test_walls_of_needles_reflect_as_whole_ones",
+        "test_stability_plates.py::test_plates_made_of_bad_faces_get_the_exact_light")),
     "S-7": Case("a thin occluder on or off the line between centres", (
         "test_form_factor.py::test_thin_occluder_on_or_off_the_line_of_centres_blocks_the_same",)),
     "S-8": Case("an occluder over a thousandth of the light", (
@@ -69,18 +72,21 @@ CASES = {
         "test_radiosity_stability.py::test_a_closed_room_that_absorbs_nothing_is_refused_by_its_materials_name",
         "test_radiosity_stability.py::test_an_open_room_that_absorbs_nothing_is_solved")),
     "S-11": Case("two rooms joined by a door, or a pin-hole", (
-        "test_radiosity_stability.py::test_a_dark_room_is_lit_through_its_door_as_path_tracing_says",)),
+        "test_radiosity_stability.py::test_a_dark_room_is_lit_through_its_door_as_path_tracing_says",
+        "test_stability_classical.py::test_only_krylov_finds_two_rooms_by_itself")),
     "S-12": Case("a lamp that touches a wall, or lies in a receiver's plane", (
         "test_polygon.py::test_wall_that_a_lamp_touches_is_lit_up_to_the_edge",
         "test_polygon.py::test_lumel_coplanar_with_a_lamp_beside_it_gets_nothing",
         "test_stability_scenes.py::test_a_wall_that_a_lamp_touches_is_lit_up_to_the_edge_in_a_scene")),
     "S-13": Case("faces turned over or doubled, T-junctions, lumels inside a block", (
         "test_stability_scenes.py::test_a_room_of_turned_over_faces_gets_the_same_light",
+        "test_stability_plates.py::test_plates_made_of_bad_faces_get_the_exact_light",
         "test_stability_scenes.py::test_walls_with_t_junctions_let_no_light_in",
         "test_leaks.py::test_a_second_copy_of_a_floor_changes_nothing",
         "test_leaks.py::test_lumels_under_a_box_are_black_and_do_not_darken_those_beside_it")),
     "S-14": Case("light of 1e-6 and 1e+6 W/m2; negative, infinite or no number", (
         "test_radiosity_stability.py::test_light_of_any_strength_scales",
+        "test_stability_plates.py::test_plates_of_any_strength_get_the_exact_light",
         "test_radiosity_stability.py::test_light_that_cannot_be_is_refused")),
     "S-15": Case("the same points at every receiver: bands", (
         "test_stability_scenes.py::test_errors_of_neighbours_make_no_bands",)),
@@ -92,9 +98,11 @@ CASES = {
                  ("test_radiosity_stability.py::test_the_light_of_two_lamps_is_the_sum_of_each",)),
     "S-19": Case("a scene turned by 37 degrees about a skew axis", (
         "test_form_factor.py::test_rotation_does_not_matter",
-        "test_radiosity_stability.py::test_a_turned_room_gets_the_same_light")),
+        "test_radiosity_stability.py::test_a_turned_room_gets_the_same_light",
+        "test_stability_plates.py::test_turned_plates_get_the_exact_light")),
     "S-20": Case("coplanar faces that fight for every ray", (
-        "test_radiosity_stability.py::test_a_floor_twice_over_is_lit_and_reflects_as_one",)),
+        "test_radiosity_stability.py::test_a_floor_twice_over_is_lit_and_reflects_as_one",
+        "test_stability_plates.py::test_plates_made_of_bad_faces_get_the_exact_light")),
     "S-21": Case("error bars that hold the truth", (
         "test_coverage.py::test_the_error_bar_holds_the_exact_error_in_45_of_50_bakes",
         "test_audit.py::test_the_interval_holds_the_true_error_in_nine_of_ten_bakes",
