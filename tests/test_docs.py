@@ -59,6 +59,14 @@ def test_every_file_that_a_page_names_exists(page):
     assert missing == []
 
 
+def test_every_case_of_the_catalogue_has_an_exact_answer_and_holds():
+    # P-01 to P-50 and S-1 to S-22: at least one row each, and no row that fails.
+    page = (ROOT / "docs" / "validation.md").read_text(encoding="utf-8")
+    told = {(kind, int(number)) for kind, number in re.findall(r"^\| ([PS])-(\d+)", page, re.MULTILINE)}
+    assert told == {("P", number) for number in range(1, 51)} | {("S", number) for number in range(1, 23)}
+    assert "FAILS" not in page
+
+
 @pytest.mark.parametrize("method", METHODS)
 def test_the_theory_page_has_the_form_factor_methods_errors(method):
     # 4,096 samples on five cases, two digits: as measured, to half of the last digit; rounding errors stay such.

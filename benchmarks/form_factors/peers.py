@@ -28,8 +28,14 @@ def ladder(name: str, case: Case, most: int) -> list[int]:
     return [samples for samples in LADDERS[name] if samples <= limit]
 
 
-def rows(cases: tuple[Case, ...], most: int, seeds: int, folder: Path) -> tuple[list[Row], dict[str, str]]:
-    """The rows of the programs that are installed and run; and why the others are missing, by name."""
+def rows(cases: tuple[Case, ...], most: int, seeds: int, calls: int,
+         folder: Path) -> tuple[list[Row], dict[str, str]]:
+    """The rows of the programs that are installed and run; and why the others are missing, by name.
+
+    Parameters
+    ----------
+    seeds : of the random ones;  calls : of those that know no seed.
+    """
     problems = {name: f"{package} is not installed" for name, package in PACKAGES.items()
                 if not environment.has(package)}
     asked = [
@@ -41,7 +47,7 @@ def rows(cases: tuple[Case, ...], most: int, seeds: int, folder: Path) -> tuple[
     ]
     if not asked:
         return [], problems
-    answer = environment.run(SCRIPT, {"asked": asked, "seeds": seeds}, folder)
+    answer = environment.run(SCRIPT, {"asked": asked, "seeds": seeds, "calls": calls}, folder)
     found: list[Row] = [(row[0], row[1], int(row[2]), row[3], row[4], row[5]) for row in answer["rows"]]
     return found, problems | answer["problems"]
 

@@ -2,7 +2,7 @@
 
     view_factors.py REQUEST.json ANSWER.json
 
-The request lists what to measure (method, case, samples), and seeds; the answer has rows like those of
+The request lists what to measure (method, case, samples), seeds and calls; the answer has rows like those of
 benchmarks/form_factors. Every program is called once before its clock starts, for both compile at first use.
 
 pyviewfactor    `samples` pairs of quadrilaterals: both polygons cut alike; one pair is exact but for its rounding where
@@ -104,13 +104,13 @@ METHODS: dict[str, Method] = {
 DETERMINISTIC = {"pyviewfactor"}
 
 
-def measure(asked: dict[str, Any], seeds: int) -> list[Any]:
+def measure(asked: dict[str, Any], seeds: int, calls: int) -> list[Any]:
     """One row: case, method, samples, mean value, RMS relative error over the seeds, seconds of the best call."""
     case, name = asked["case"], asked["method"]
     a, b = np.array(case["a"]), np.array(case["b"])
     occluders = [np.array(occluder) for occluder in case["occluders"]]
     values, seconds = [], []
-    for seed in range(1 if name in DETERMINISTIC else seeds):
+    for seed in [0] * calls if name in DETERMINISTIC else range(seeds):
         begin = time.perf_counter()
         values.append(METHODS[name](a, b, asked["samples"], occluders, seed))
         seconds.append(time.perf_counter() - begin)
@@ -128,8 +128,8 @@ def main() -> None:
         try:
             # Compiles, without occluders and with: not timed.
             for first in {bool(asked["case"]["occluders"]): asked for asked in reversed(mine)}.values():
-                measure(first, 1)
-            rows += [measure(asked, request["seeds"]) for asked in mine]
+                measure(first, 1, 1)
+            rows += [measure(asked, request["seeds"], request["calls"]) for asked in mine]
         except Exception as problem:  # noqa: BLE001 (a peer that fails is reported, the others go on)
             problems[name] = f"{type(problem).__name__}: {problem}"
     Path(sys.argv[2]).write_text(json.dumps({"rows": rows, "problems": problems}))

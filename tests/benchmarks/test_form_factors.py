@@ -14,6 +14,8 @@ from radiosity.benchmarks.form_factors import (
     exact,
     hemicube,
     monte_carlo_rays,
+    peers,
+    picture,
     qmc_rays,
 )
 from radiosity.benchmarks.form_factors.cases import BY_NAME, OCCLUDED, UNIT, UNOCCLUDED, facing_down, level
@@ -173,3 +175,10 @@ def test_driver_writes_one_row_for_every_case_method_and_size(tmp_path):
     assert len(table) == (6 * 2 + 1) + (5 * 2 + 1)
     ours = [row for row in table if row["method"] == "ours"]
     assert all(float(row["relative_error"]) < 1e-5 for row in ours)
+
+
+def test_the_picture_has_one_style_for_every_method_and_program():
+    # Nothing that is measured is left out, and no two curves look alike.
+    styles = picture.styles()
+    assert set(styles) == {*METHODS, *peers.PACKAGES}
+    assert len({(style["color"], style["marker"]) for style in styles.values()}) == len(styles)

@@ -33,7 +33,7 @@ def test_a_peer_that_is_not_installed_is_named_with_the_command_that_installs_it
 
 
 def test_form_factors_without_peers_say_what_is_missing_and_have_no_rows(no_peers, tmp_path):
-    rows, problems = form_factor_peers.rows((BY_NAME["P-01"],), 16, 1, tmp_path)
+    rows, problems = form_factor_peers.rows((BY_NAME["P-01"],), 16, 1, 1, tmp_path)
     assert rows == []
     assert set(problems) == {"pyviewfactor", "raystrack rays", "raystrack pairs"}
 

@@ -23,7 +23,7 @@ HEADER = """# Exact answers, and ours
 
 Written by the tests (`tests/solver/conftest.py`). A value without a standard error must agree to the relative error
 allowed; one with a standard error must lie within four of them, plus the relative error allowed for the exact value's
-own digits. Of S-1 to S-22, [stability.md](stability.md) tells what each breaks; S-16 has no exact answer.
+own digits. What S-1 to S-22 break is told in [stability.md](stability.md).
 
 | case | quantity | exact | ours | standard error | deviation | allowed | verdict |
 |---|---|---|---|---|---|---|---|

@@ -197,7 +197,7 @@ def test_patches_are_not_split_for_their_noise(monkeypatch, stability):
     stability("S-16", "splitting without a margin over the noise: part of the patches split", parts[0], parts[1])
 
 
-def test_a_tolerance_below_the_noise_does_not_explode(monkeypatch):
+def test_a_tolerance_below_the_noise_does_not_explode(monkeypatch, validation):
     # The furnished room at .1, then with a millionth of that asked of gather and direct light, which no count of rays
     # of a bake reaches: every lumel gets the most rays that it may, no more, and it ends; patches stay as they are.
     settings = Settings(error=0.1, texel_density=3)
@@ -210,3 +210,6 @@ def test_a_tolerance_below_the_noise_does_not_explode(monkeypatch):
     assert rays[0]["gather"] < rays[1]["gather"] < (1 + MOST_FACTOR) * 2 * first_look
     assert rays[1]["direct"] < 2 * MOST_RAYS * usual["lumels"]
     assert strict["patches"] < 1.2 * usual["patches"]
+    energy = strict["energy"]
+    validation("S-16", "absorbed over emitted, tolerance of 1e-7", 1, energy["absorbed"] / energy["emitted"],
+               relative=0.01)
