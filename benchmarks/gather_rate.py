@@ -5,7 +5,8 @@
 Each scene is baked twice, with equal bits. The first bake is timed: wall clock and CPU seconds of the stage "gather",
 and the rays that Embree is asked for in it. The second keeps those rays, chunk by chunk. Then a bare loop hands the
 kept chunks to embreex, on as many threads, and does nothing with what it says. `share` is the gather's rate over the
-bare loop's: the part of its time that the gather spends in Embree.
+bare loop's: the part of its time that the gather spends in Embree. The audit, which a bake does beside the gather,
+waits here until the gather is done.
 """
 
 from __future__ import annotations
@@ -29,6 +30,7 @@ import numpy as np
 from embreex.mesh_construction import TriangleMesh
 from embreex.rtcore_scene import EmbreeScene
 from numpy.typing import NDArray
+from radiosity.solver.parallel import Run
 from radiosity.solver.result import Stages
 from radiosity.solver.scene import Scene
 from radiosity.solver.settings import Settings
@@ -119,6 +121,7 @@ class Watch:
 
         with ExitStack() as stack:
             stack.enter_context(patch.object(module, "Stages", WatchedStages))
+            stack.enter_context(patch.object(Run, "beside", _put_off(Run.beside)))
             stack.enter_context(patch.object(Visibility, "hits", self._hits(Visibility.hits)))
             stack.enter_context(patch.object(Visibility, "occluded", self._occluded(Visibility.occluded)))
             report: dict[str, Any] = module.bake(scene, settings).report
@@ -155,6 +158,18 @@ class Watch:
         if self._every and self._calls % self._every == 0:
             far = None if distances is None else np.array(distances, np.float32)
             self.chunks.append(Chunk(visibility, np.array(origins, np.float32), np.array(directions, np.float32), far))
+
+
+def _put_off(original: Callable[..., Any]) -> Callable[..., Any]:
+    """`Run.beside` without a thread of its own: its work is done when it is asked for."""
+    @contextmanager
+    def beside(run: Run, stage: str, work: Callable[[Run], Any]) -> Iterator[Callable[[], Any]]:
+        threads, run.threads = run.threads, 1
+        with original(run, stage, work) as result:
+            run.threads = threads
+            yield result
+
+    return beside
 
 
 def bare(chunks: list[Chunk], threads: int) -> Clock:

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from radiosity.benchmarks import gather_rate
 from radiosity.solver import Settings, bake
+from radiosity.solver.geometry import Geometry
 from radiosity.solver.visibility import Visibility
 from radiosity.tests.solver.rooms import box
 
@@ -30,10 +31,8 @@ def test_every_ray_of_the_gather_is_counted_and_kept(watched):
     counted = next(stage["rays"] for stage in report["stages"] if stage["name"] == "gather")
     assert watch.rays == sum(len(chunk.origins) for chunk in watch.chunks)
     assert 0 < counted <= watch.rays < 1.1 * counted
-    # Shadow rays of newly met cells are among them.
-    assert {chunk.distances is None for chunk in watch.chunks} == {True, False}
-    lengths = np.linalg.norm(np.concatenate([chunk.directions for chunk in watch.chunks]), axis=1)
-    np.testing.assert_allclose(lengths, 1, atol=1e-5)
+    nearest = [chunk.directions for chunk in watch.chunks if chunk.distances is None]
+    np.testing.assert_allclose(np.linalg.norm(np.concatenate(nearest), axis=1), 1, atol=1e-5)
 
 
 def test_being_watched_changes_no_bit_and_nothing_is_watched_afterwards(watched):
@@ -43,6 +42,21 @@ def test_being_watched_changes_no_bit_and_nothing_is_watched_afterwards(watched)
     assert plain["error"] == report["error"]
     assert watch.rays == rays
     assert Visibility.hits.__qualname__ == "Visibility.hits"
+
+
+def test_shadow_rays_are_kept_with_how_far_they_go():
+    # Two rays from the room's middle, its origin, to its floor 1.25 m below, that end before it and behind it: one is
+    # blocked.
+    watch = gather_rate.Watch(1)
+    visibility = Geometry(ROOM).visibility
+    with watch._stage("gather"):
+        blocked = watch._occluded(Visibility.occluded)(
+            visibility, np.zeros((2, 3), np.float32), np.full((2, 3), (0, 0, -1), np.float32),
+            np.array([1.0, 1.5], np.float32))
+    assert blocked.tolist() == [False, True]
+    assert watch.rays == 2
+    assert watch.chunks[0].distances.tolist() == [1.0, 1.5]
+    assert gather_rate.bare(watch.chunks, 1).wall > 0
 
 
 def test_some_of_the_chunks_may_stand_for_all(watched):
