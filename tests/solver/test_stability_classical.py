@@ -155,6 +155,24 @@ def test_contours_cancel_between_squares_far_apart(distance, stability):
     stability("S-3", f"4,096 random rays, distance {distance:g}", seen, ours)
 
 
+def test_an_arc_cosine_loses_a_far_light(stability):
+    # S-3: Lambert's sum over a light of 1 m2, straight above. The angle between two corners as the arc cosine of their
+    # product has half of the digits of a small angle; as the arc tangent of both products it has all.
+    for distance in (1e3, 1e4, 1e5):
+        light = facing_down(-0.5, 0.5, -0.5, 0.5, distance)
+        with mpmath.workdps(30):
+            half = mpmath.mpf(1) / 2
+            slant = mpmath.sqrt(mpmath.mpf(distance) ** 2 + half**2)
+            exact = float(4 * half / (mpmath.pi * slant) * mpmath.atan(half / slant))
+        ray = light / np.linalg.norm(light, axis=1, keepdims=True)
+        turned = np.roll(ray, -1, axis=0)
+        around = np.cross(ray, turned)
+        angle = np.arccos(np.minimum((ray * turned).sum(axis=1), 1))
+        found = abs((angle * around[:, 2] / np.linalg.norm(around, axis=1)).sum()) / (2 * np.pi)
+        stability("S-3", f"Lambert's sum with arc cosines, distance {distance:g}", found / exact - 1,
+                  element_form_factor((0, 0, 0), UP, light).value / exact - 1)
+
+
 def test_without_clipping_what_lies_below_the_horizon_is_taken_away(stability):
     # S-4, P-17: .2278886058235; the sum over all of the triangle's edges is .1756547388923.
     triangle = np.array([[0.5, -1, -0.5], [1, 1, -0.25], [0.25, 0.2, 1.5]])
