@@ -19,7 +19,7 @@ from pathlib import Path
 from typing import Any
 
 ROOT = Path(__file__).resolve().parents[1]
-SCENES = ("cornell", "truck_town", "classroom")
+SCENES = ("cornell", "classroom", "living-room", "truck_town", "pandora")
 PROGRAMS = ("ours", "cycles", "oidn", "mitsuba", "luxcore", "form_factors")
 # Those that need the peers' environment.
 PEERS = {"oidn", "mitsuba", "luxcore", "form_factors"}
@@ -31,7 +31,9 @@ STYLES = {
     "mitsuba": ("tab:green", "D--"),
     "luxcore": ("tab:purple", "P--"),
 }
-SECONDS = (1, 2, 5, 10, 20, 50, 100, 200)
+# Panels side by side at most.
+COLUMNS = 3
+SECONDS = (1, 2, 5, 10, 20, 50, 100, 200, 500, 1000)
 PER_CENT = (0.5, 1, 2, 3, 5, 10, 20, 50)
 
 
@@ -59,7 +61,7 @@ def measure(scenes: list[str], programs: list[str], output: Path) -> None:
 
 
 def draw_bakes(table: Path, picture: Path) -> None:
-    """One panel a scene, one curve a program; both axes logarithmic."""
+    """One panel a scene, one curve a program; both axes logarithmic. The legend fills a panel that is left over."""
     import matplotlib
 
     matplotlib.use("Agg")
@@ -68,9 +70,11 @@ def draw_bakes(table: Path, picture: Path) -> None:
     with table.open(newline="") as file:
         rows = list(csv.DictReader(file))
     scenes = list(dict.fromkeys(row["scene"] for row in rows))
-    figure, axes = plt.subplots(1, len(scenes), figsize=(1.5 + 4.5 * len(scenes), 4.5), sharey=True, squeeze=False,
+    columns = min(COLUMNS, len(scenes))
+    lines = -(-len(scenes) // columns)
+    figure, axes = plt.subplots(lines, columns, figsize=(2.5 + 4 * columns, 4.2 * lines), sharey=True, squeeze=False,
                                 layout="constrained")
-    for axis, scene in zip(axes[0], scenes, strict=True):
+    for axis, scene in zip(axes.flat, scenes, strict=False):
         for program, (colour, style) in STYLES.items():
             points = sorted((float(row["seconds"]), 100 * float(row["rms"])) for row in rows
                             if (row["scene"], row["program"]) == (scene, program))
@@ -80,10 +84,15 @@ def draw_bakes(table: Path, picture: Path) -> None:
         axis.set_xlabel("seconds (wall clock)")
         axis.grid(True, which="both", alpha=0.3)
         _plain_ticks(axis)
-    axes[0][0].set_ylabel("relative RMS error, %")
-    handles = {label: handle for axis in axes[0]
+    for axis in axes[:, 0]:
+        axis.set_ylabel("relative RMS error, %")
+    handles = {label: handle for axis in axes.flat
                for handle, label in zip(*axis.get_legend_handles_labels(), strict=True)}
-    figure.legend(handles.values(), handles.keys(), loc="outside right center")
+    spare = axes.flat[len(scenes):]
+    for axis in spare:
+        axis.set_axis_off()
+    room, where = (spare[0], "center") if len(spare) else (figure, "outside right center")
+    room.legend(handles.values(), handles.keys(), loc=where)
     figure.savefig(picture, dpi=100)
     plt.close(figure)
 
