@@ -30,7 +30,7 @@ ERRORS = (0.1, 0.03)
 CYCLES_SAMPLES = (16, 64, 256)
 # A renderer's own knob, samples a lumel.
 MITSUBA_SAMPLES = (16, 64, 256)
-LUXCORE_SAMPLES = (16, 64)
+LUXCORE_SAMPLES = (16, 64, 256)
 # A lumel is the mean over the central half of its texel, as in Cycles.
 FOOTPRINT = 0.5
 FOLDER = Path(__file__).parent
