@@ -91,8 +91,8 @@ def draw_bakes(table: Path, picture: Path) -> None:
     spare = axes.flat[len(scenes):]
     for axis in spare:
         axis.set_axis_off()
-    room, where = (spare[0], "center") if len(spare) else (figure, "outside right center")
-    room.legend(handles.values(), handles.keys(), loc=where)
+    legend: Any = spare[0].legend if len(spare) else figure.legend
+    legend(handles.values(), handles.keys(), loc="center" if len(spare) else "outside right center")
     figure.savefig(picture, dpi=100)
     plt.close(figure)
 
