@@ -43,8 +43,8 @@ def test_a_fan_of_a_footprint_astride_stays_on_its_triangle():
     places = _places([[0.4, 0], [0, 0.4]], centre=(0.45, 0.45))
     geometry = places.geometry
     _, _, points, _ = _fan(places)
-    base, first, second = geometry.corners[0, 0], *(geometry.corners[0, 1:] - geometry.corners[0, :1])
-    weights = np.linalg.lstsq(np.stack([first, second], axis=1), (points - base).T, rcond=None)[0]
+    base = geometry.corners[0, 0]
+    weights = np.linalg.lstsq((geometry.corners[0, 1:] - base).T, (points - base).T, rcond=None)[0]
     assert weights.min() > 0.2
     assert weights.sum(axis=0).max() < 1 + 1e-5
     assert len(np.unique(np.round(weights, 5), axis=1).T) > len(points) / 4
