@@ -51,7 +51,8 @@ def root() -> Path:
 
 def is_whole(folder: Path) -> bool:
     """Whether the folder is a complete root."""
-    return all((folder / part).exists() for part in PARTS)
+    # Debian's alternatives are absolute links, which lead somewhere only inside the root.
+    return all(os.path.lexists(folder / part) for part in PARTS)
 
 
 def reason_absent() -> str | None:
