@@ -21,6 +21,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from .across import links
 from .adaptive import gather_adaptively
 from .audit import Auditor, Truth, error_bar
 from .cells import Cells
@@ -47,6 +48,7 @@ from .quantities import encode
 from .receivers import Receivers
 from .result import Bake, Lightmap, Solution, Stages, refuse_singular, report
 from .scene import Scene
+from .seam_samples import seam_samples
 from .seams import Seams
 from .settings import Settings
 from .shells import Shells
@@ -204,7 +206,7 @@ class _Work:
         """Path trace receivers drawn at random; of lumels the inner ones, as against a renderer."""
         random = np.random.default_rng([AUDIT_SEED, self.settings.seed])
         every = np.arange(len(places))
-        inner = every if near is None else np.flatnonzero((near.at(1) >= 0).all(axis=1))
+        inner = every if near is None else np.flatnonzero((near.in_chart(1) >= 0).all(axis=1))
         pool = inner if len(inner) else every
         rows = np.sort(random.choice(pool, min(len(pool), AUDIT_LUMELS), replace=False))
         auditor = Auditor(self.geometry, self.lights, self.sampled_emitter, AUDIT_SEED + self.settings.seed)
@@ -239,13 +241,14 @@ def bake(scene: Scene, settings: Settings, progress: Progress | None = None,
         return _bake_vertices(work)
     with work.stages("lumels"):
         lumels = lay_out(scene, settings, work.warnings, work.run.step, layout)
-        near = Neighbours(lumels)
+        samples = seam_samples(lumels, scene)
+        near = Neighbours(lumels, links(samples, lumels, scene))
     direct, bounced = work.light(lumels.receivers, near)
     with work.stages("finish"):
         triangle = lumels.receivers.triangle
         albedo = work.geometry.reflectance(triangle, *lumels.receivers.barycentric.T)
         values = encode(_passes(direct, bounced, settings.passes), settings.quantity, albedo)
-        seams = Seams(lumels, scene)
+        seams = Seams(samples, lumels, scene)
         images = finished(lumels, seams, values, settings)
         layers = group_light(work.split, work.apart, settings.quantity, albedo,
                              lambda light: finished(lumels, seams, light, settings))

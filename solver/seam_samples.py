@@ -59,7 +59,7 @@ def seam_samples(lumels: Lumels, scene: Scene) -> SeamSamples:
     surface = surface_of_triangle(scene)
     page = lumels.page_of_surface[surface]
     laid = np.flatnonzero(page >= 0)
-    uv, normal = _layout(lumels, scene), _normals(scene)
+    uv, normal = layout_of(lumels, scene), _normals(scene)
     sizes = np.array([(item.width, item.height) for item in lumels.pages], np.float64)
     node = weld(scene.vertices)[scene.triangles[laid]]
     first, second, side, other = shared_edges(node)
@@ -174,7 +174,7 @@ def _ends(side: Int) -> Int:
     return np.stack([side, (side + 1) % 3], axis=1)
 
 
-def _layout(lumels: Lumels, scene: Scene) -> Float:
+def layout_of(lumels: Lumels, scene: Scene) -> Float:
     """(t, 3, 2) float64 layout of all triangles, zero where there is none."""
     uv = np.zeros((len(scene.triangles), 3, 2))
     for surface, layout in zip(scene.surfaces, lumels.uv, strict=True):

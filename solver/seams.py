@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from .lumels import charts_of_triangles, surface_of_triangle
 from .receivers import Lumels
 from .scene import Scene
-from .seam_samples import SeamSamples, seam_samples
+from .seam_samples import SeamSamples
 
 Float = NDArray[np.floating[Any]]
 Int = NDArray[np.integer[Any]]
@@ -47,8 +47,7 @@ class Taps:
 class Seams:
     """The seams of a layout, ready to be stitched in any number of sets of images."""
 
-    def __init__(self, lumels: Lumels, scene: Scene) -> None:
-        samples = seam_samples(lumels, scene)
+    def __init__(self, samples: SeamSamples, lumels: Lumels, scene: Scene) -> None:
         taps = seam_taps(samples, lumels, scene)
         texel = taps.texel.reshape(-1, 8)
         self._weight = (taps.weight * np.array([1.0, -1.0])[:, None]).reshape(-1, 8)

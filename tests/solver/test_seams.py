@@ -7,6 +7,7 @@ import pytest
 from radiosity.solver.finish import finished, to_images
 from radiosity.solver.lumels import lumels
 from radiosity.solver.scene import Scene, Surface
+from radiosity.solver.seam_samples import seam_samples
 from radiosity.solver.seams import Seams
 from radiosity.solver.settings import Settings
 
@@ -29,6 +30,10 @@ def two_squares(vertices=VERTICES, triangles=TRIANGLES, surfaces=None):
 def baked(scene, light):
     result = lumels(scene, SETTINGS, [])
     return result, to_images(result, light(result.receivers.position + scene.origin), SETTINGS)
+
+
+def seams(result, scene):
+    return Seams(seam_samples(result, scene), result, scene)
 
 
 def filtered(image, uv):
@@ -59,7 +64,7 @@ def test_a_seam_closes():
     # by more than the noise's spread of three sigma.
     scene = two_squares()
     result, images = baked(scene, rough)
-    stitched = Seams(result, scene).stitch(images)
+    stitched = seams(result, scene).stitch(images)
     assert gap(stitched[0]) < gap(images[0]) / 3
     change = (stitched[0] - images[0]).reshape(-1, 3)[result.pixel]
     assert np.abs(change).max() < .3
@@ -69,7 +74,7 @@ def test_only_texels_at_the_seam_change():
     # All texels further than two texels from both sides of the seam keep their bits.
     scene = two_squares()
     result, images = baked(scene, rough)
-    changed = np.argwhere((Seams(result, scene).stitch(images)[0] != images[0]).any(axis=2))[:, ::-1] + .5
+    changed = np.argwhere((seams(result, scene).stitch(images)[0] != images[0]).any(axis=2))[:, ::-1] + .5
     near_left = np.abs(changed[:, 0] - .45 * SIDE) < 2
     near_right = np.abs(changed[:, 1] - .52 * SIDE) < 2
     assert len(changed) > 20
@@ -81,7 +86,7 @@ def test_light_that_is_continuous_stays():
     # by less than 2 % and the seam still gets better.
     scene = two_squares()
     result, images = baked(scene, lambda p: np.repeat(1 + p[:, :1] + p[:, 1:2], 3, axis=1))
-    stitched = Seams(result, scene).stitch(images)
+    stitched = seams(result, scene).stitch(images)
     covered = np.zeros(SIDE * SIDE, bool)
     covered[result.pixel] = True
     change = (stitched[0] / np.maximum(images[0], 1e-9) - 1).reshape(-1, 3)[covered]
@@ -95,7 +100,7 @@ def test_a_crease_keeps_both_its_lights():
     folded[4:, 0], folded[4:, 2] = 1, 1
     scene = two_squares(folded)
     result, images = baked(scene, rough)
-    assert np.array_equal(Seams(result, scene).stitch(images)[0], images[0])
+    assert np.array_equal(seams(result, scene).stitch(images)[0], images[0])
 
 
 @pytest.mark.parametrize(("tilt", "joined"), [(0, True), (.1, False)])
@@ -107,14 +112,14 @@ def test_objects_are_joined_only_where_they_are_flush(tilt, joined):
     scene = two_squares(vertices, triangles, (Surface("left", 0, 2, lightmap_uv=UV[:2]),
                                               Surface("right", 2, 2, lightmap_uv=UV[2:])))
     result, images = baked(scene, rough)
-    assert (Seams(result, scene).stitch(images)[0] != images[0]).any() == joined
+    assert (seams(result, scene).stitch(images)[0] != images[0]).any() == joined
 
 
 def test_a_chart_without_seams_is_returned_as_it_was():
     # One square alone: the same pixels, in a copy.
     scene = Scene(VERTICES[:4], TRIANGLES[:2], surfaces=(Surface("one", 0, 2, lightmap_uv=UV[:2]),))
     result, images = baked(scene, rough)
-    stitched = Seams(result, scene).stitch(images)
+    stitched = seams(result, scene).stitch(images)
     assert np.array_equal(stitched[0], images[0])
     assert stitched[0] is not images[0]
 
@@ -127,7 +132,7 @@ def test_objects_that_touch_without_common_corners_are_joined():
     scene = two_squares(vertices, triangles, (Surface("left", 0, 2, lightmap_uv=UV[:2]),
                                               Surface("right", 2, 2, lightmap_uv=UV[2:])))
     result, images = baked(scene, rough)
-    stitched = Seams(result, scene).stitch(images)
+    stitched = seams(result, scene).stitch(images)
     # y = 0 ... 1 is the middle half of the right square's edge.
     low, high = (RIGHT[0] * 3 + RIGHT[3]) / 4, (RIGHT[0] + RIGHT[3] * 3) / 4
 
@@ -146,7 +151,7 @@ def test_a_wall_on_a_floor_is_no_seam():
     scene = two_squares(vertices, triangles, (Surface("left", 0, 2, lightmap_uv=UV[:2]),
                                               Surface("right", 2, 2, lightmap_uv=UV[2:])))
     result, images = baked(scene, rough)
-    assert np.array_equal(Seams(result, scene).stitch(images)[0], images[0])
+    assert np.array_equal(seams(result, scene).stitch(images)[0], images[0])
 
 
 def test_without_a_margin_seams_are_stitched_and_empty_texels_stay_black():
@@ -154,8 +159,8 @@ def test_without_a_margin_seams_are_stitched_and_empty_texels_stay_black():
     scene = two_squares()
     result = lumels(scene, SETTINGS, [])
     values = rough(result.receivers.position).astype(np.float32)
-    without, = finished(result, Seams(result, scene), values, replace(SETTINGS, margin=0))
-    within, = finished(result, Seams(result, scene), values, replace(SETTINGS, margin=1))
+    without, = finished(result, seams(result, scene), values, replace(SETTINGS, margin=0))
+    within, = finished(result, seams(result, scene), values, replace(SETTINGS, margin=1))
     covered = np.zeros(SIDE * SIDE, bool)
     covered[result.pixel] = True
     assert np.array_equal(without.reshape(-1, 3)[covered], within.reshape(-1, 3)[covered])
@@ -169,5 +174,5 @@ def test_what_holds_the_surfaces_colour_is_not_stitched():
     result = lumels(scene, SETTINGS, [])
     values = rough(result.receivers.position).astype(np.float32)
     settings = replace(SETTINGS, quantity="radiosity")
-    assert np.array_equal(finished(result, Seams(result, scene), values, settings)[0],
+    assert np.array_equal(finished(result, seams(result, scene), values, settings)[0],
                           to_images(result, values, settings)[0])
