@@ -1,7 +1,7 @@
 """Rays where the gather is noisy, and no more of them than the wanted error asks for.
 
 Every receiver is gathered twice, with independent random shifts, and both looks are smoothed. What is left of the
-error then, blur and noise, is estimated from the two (`smooth.remaining`): the estimates tell where more rays are
+error then, blur and noise, is estimated from the two (`remaining.py`): the estimates tell where more rays are
 needed, and their mean how good the whole is. More rays go on with the point set of the rays before. Given v_i, the mean
 square error of receiver i at n rays, and errors falling as n^-RATE, the mean falls fastest for the rays spent if n_i
 grows as v_i^(1 / (1 + RATE)).
@@ -21,7 +21,8 @@ from .gather import Gather, Look
 from .neighbours import Neighbours
 from .parallel import Run
 from .plan import Plan
-from .smooth import remaining, smooth
+from .remaining import remaining
+from .smooth import smooth
 from .transport import Transport
 
 Float = NDArray[np.floating[Any]]

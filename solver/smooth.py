@@ -4,11 +4,17 @@ An edge-avoiding wavelet filter (Dammertz, Sewtz, Hanika & Lensch 2010) over the
 gathered twice; each of the two is filtered with weights that the other one gives (Rousselle, Knaus & Zwicker 2012), so
 that noise can't vote for itself, and half the difference of the two results is still an honest sample of the error of
 their mean. Only gathered light is filtered; the lamps' shadows are not.
+
+Where we leave the papers: where rays of both looks chanced to meet something small and bright, each look tells the
+other that this receiver alone is bright, and a speckle stays. A guide that stands out from what it is averaged with, by
+no more than two looks differ nearby, is therefore taken for one of these. What the looks hold is averaged, not cut: the
+mean stays.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Sequence
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -32,110 +38,84 @@ DEVIATIONS = 1.8
 FARTHEST = 8.0
 # Receivers that face apart by more than this cosine do not share light.
 SAME_WAY = 0.95
+# A receiver with fewer neighbours than at a chart's edge may stand out from them as it likes.
+COMPANY = 5
+# What a step of the filter leaves of how far two looks differ, about.
+LEFT = np.float32(0.5)
 CHUNK = 2**16
 
 
 def smooth(first: Float, second: Float, receivers: Receivers, neighbours: Neighbours, run: Run) -> tuple[Float, Float]:
     """Filter two independent looks at the same receivers, (n, 6 ...) each: emitted and reflected light, RGB, and more
     columns that are filtered with the weights that these give."""
-    variance = _variance(first, second, neighbours)
-    for step in STEPS:
-        around = neighbours.at(step)
-        jobs = [(part, first, second, receivers, around, variance) for part in shares(len(first), CHUNK)]
+    rings = [neighbours.at(step) for step in STEPS]
+    variance, apart = _variance(first, second, rings), _apart(first, second, rings)
+    for ring in rings:
+        guides = [np.concatenate(run.map(partial(_in_company, light_of(look), ring, apart),
+                                         shares(len(look), CHUNK))) for look in (first, second)]
+        jobs = [(part, first, second, guides, receivers, ring, variance) for part in shares(len(first), CHUNK)]
         done = run.map(_filter, jobs)
         first, second, variance = (np.concatenate([piece[axis] for piece in done]) for axis in range(3))
+        apart = apart * LEFT
     return first, second
 
 
-def remaining(first: Float, second: Float, receivers: Receivers, neighbours: Neighbours, run: Run) -> Float:
-    """(n,) mean square error that is left in the mean of two filtered looks, W2/m4.
-
-    What a filter blurs does not show in the difference of two filtered looks. Against the *other* look, unfiltered, it
-    does: with v the variance of a look, and a filter that knows nothing of it,
-
-        mean((filtered first - second)^2) = (blur^2 + variance of the filtered look) + v
-
-    (cross-validation, Stone 1974). Such filters are the kernels of `smooth` by themselves, after each of its steps; at
-    every receiver the one counts that is best around it.
-    """
-    looks = np.concatenate([_light(first), _light(second)], axis=1)
-    filtered, kernels = looks, [_Kernel.of(step, receivers, neighbours, run) for step in STEPS]
-    best = _around(np.square(looks[:, :3] - looks[:, 3:]).mean(axis=1) / 4, kernels, run)
-    for kernel in kernels:
-        filtered = kernel.filtered(filtered, run)
-        other = np.concatenate([looks[:, 3:], looks[:, :3]], axis=1)
-        noise = np.square(looks[:, :3] - looks[:, 3:]).mean(axis=1)
-        halves = np.square(filtered[:, :3] - filtered[:, 3:]).mean(axis=1)
-        # The mean of both has all of the blur, and half of the variance; by chance the blur may come out below 0.
-        left = np.square(filtered - other).mean(axis=1) - noise / 2 - halves / 4
-        best = np.minimum(best, np.maximum(_around(left, kernels, run), _around(halves / 4, kernels, run)))
-    return best
-
-
-def _around(values: Float, kernels: list[_Kernel], run: Run) -> Float:
-    """(n,) float32: means of values (n,) over the neighbours."""
-    means = np.asarray(values[:, None], np.float32)
-    for kernel in kernels[:2]:
-        means = kernel.filtered(means, run)
-    return means[:, 0]
-
-
-@dataclass(frozen=True, eq=False)
-class _Kernel:
-    """One step of the filter where nothing but the layout decides: neighbours and their weights, (n, 8) each."""
-
-    others: Int
-    weights: Float
-
-    @classmethod
-    def of(cls, step: int, receivers: Receivers, neighbours: Neighbours, run: Run) -> _Kernel:
-        others = neighbours.at(step)
-        parts = run.map(lambda part: _beside(receivers, others, part), shares(len(others), CHUNK))
-        weights = np.concatenate(parts)
-        return cls(others, weights / (1 + weights.sum(axis=1, keepdims=True)))
-
-    def filtered(self, values: Float, run: Run) -> Float:
-        """(n, c) from (n, c)."""
-        def work(part: slice) -> Float:
-            weights = self.weights[part]
-            own = values[part] * (1 - weights.sum(axis=1, keepdims=True))
-            return np.asarray(own + np.einsum("nk,nkc->nc", weights, values[self.others[part]]))
-
-        return np.concatenate(run.map(work, shares(len(values), CHUNK)))
-
-
-def _beside(receivers: Receivers, others: Int, part: slice) -> Float:
+def kernel_weights(receivers: Receivers, others: Int, part: slice) -> Float:
     """(m, 8): the kernel's weights of the neighbours of some receivers, 0 where there is none or it faces apart."""
     facing = np.einsum("nkc,nc->nk", receivers.normal[others[part]], receivers.normal[part])
     return np.where((others[part] >= 0) & (facing > SAME_WAY), _KERNEL, np.float32(0))
 
 
-def _variance(first: Float, second: Float, neighbours: Neighbours) -> Float:
+def _variance(first: Float, second: Float, rings: Sequence[Int]) -> Float:
     """(n,) variance of one look, W2/m4, the mean over channels and over as many neighbours as are filtered.
 
     A single difference has one degree of freedom: where it decided alone, two looks that happen to err alike would
     look clean and not be smoothed.
     """
-    variance = np.square(_light(first) - _light(second)).mean(axis=1) / 2
-    for step in STEPS:
-        around = neighbours.at(step)
-        there = around >= 0
-        variance = (variance + np.where(there, variance[around], 0).sum(axis=1)) / (1 + there.sum(axis=1))
+    variance = np.square(light_of(first) - light_of(second)).mean(axis=1) / 2
+    for ring in rings:
+        there = ring >= 0
+        variance = (variance + np.where(there, variance[ring], 0).sum(axis=1)) / (1 + there.sum(axis=1))
     return np.asarray(variance, np.float32)
 
 
-def _light(look: Float) -> Float:
+def _apart(first: Float, second: Float, rings: list[Int]) -> Float:
+    """(n, 1) how far two looks differ at most, in any channel, among as many neighbours as are filtered, W/m2."""
+    apart = np.abs(light_of(first) - light_of(second)).max(axis=1)
+    for ring in rings:
+        apart = np.maximum(apart, np.where(ring >= 0, apart[ring], 0).max(axis=1))
+    return np.asarray(apart[:, None], np.float32)
+
+
+def _in_company(light: Float, ring: Int, apart: Float, part: slice) -> Float:
+    """(k, 3) light of receivers `part`; what is above or below all but one of those in its ring becomes like that
+    one's, moved by `apart` at most."""
+    own, others = light[part], ring[part]
+    high, higher = (np.full(own.shape, -np.inf, np.float32) for _ in range(2))
+    low, lower = (np.full(own.shape, np.inf, np.float32) for _ in range(2))
+    for other in others.T:
+        there = (other >= 0)[:, None]
+        above, below = np.where(there, light[other], -np.inf), np.where(there, light[other], np.inf)
+        high, higher = np.maximum(high, np.minimum(higher, above)), np.maximum(higher, above)
+        low, lower = np.minimum(low, np.maximum(lower, below)), np.minimum(lower, below)
+    many = ((others >= 0).sum(axis=1) >= COMPANY)[:, None]
+    moved = np.clip(np.clip(own, low, high), own - apart[part], own + apart[part])
+    return np.asarray(np.where(many, moved, own), np.float32)
+
+
+def light_of(look: Float) -> Float:
+    """(n, 3) all light of a look (n, 6 ...)."""
     return look[:, :3] + look[:, 3:6]
 
 
-def _filter(job: tuple[slice, Float, Float, Receivers, Int, Float]) -> tuple[Float, Float, Float]:
-    part, first, second, receivers, around, variance = job
-    others, kernel = around[part], _beside(receivers, around, part)
+def _filter(job: tuple[slice, Float, Float, list[Float], Receivers, Int, Float]) -> tuple[Float, Float, Float]:
+    part, first, second, guides, receivers, around, variance = job
+    others, kernel = around[part], kernel_weights(receivers, around, part)
     noise = variance[part][:, None] + variance[others]
     out = []
     power = np.zeros(len(others), np.float32)
-    for guide, source in ((second, first), (first, second)):
-        apart = np.square(_light(guide)[others] - _light(guide)[part][:, None]).mean(axis=2)
+    for guide, source in zip(reversed(guides), (first, second), strict=True):
+        apart = np.square(guide[others] - guide[part][:, None]).mean(axis=2)
         excess = np.maximum(apart - noise, 0) / np.maximum(noise * np.float32(DEVIATIONS**2), np.float32(1e-30))
         weight = np.where(excess < FARTHEST, kernel * np.exp(-excess), np.float32(0))
         total = 1 + weight.sum(axis=1)
