@@ -64,7 +64,7 @@ def test_no_neighbour_lies_round_a_crease():
     # The right square folded up by 90 degrees: nothing follows.
     folded = VERTICES.copy()
     folded[4:, 0], folded[4:, 2] = 1, 1
-    laid, near = linked(two_squares(folded))
+    _, near = linked(two_squares(folded))
     assert np.array_equal(near.at(1), near.in_chart(1))
 
 
