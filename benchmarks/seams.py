@@ -5,9 +5,14 @@
 Printed for each scene, before and after stitching, over the seams of smooth surfaces (across a crease, or from one
 object to another that is not flush with it, light really has a step):
 
-    seam    mean difference between the lumels next to the seam, one of each chart, at the same place of it
+    seam    mean difference between two lumels next to a seam, one of each chart, at the same place of it
+    inside  mean difference of the same lumels from those beside them in their own charts
     shown   mean difference of the filtered light that the two charts show on the seam
-    inside  mean difference of neighbouring lumels of one chart, one of them beside a seam
+    all     the first, over all pairs
+
+Like is compared with like: for `seam` and `inside` those pairs count whose lumels face the same way (in a narrow strip
+of a smooth surface the shading normal turns by tens of degrees from one chart to the next, and the light with it), and
+are about as far apart as the lumels of their charts are.
 """
 
 from __future__ import annotations
@@ -29,20 +34,28 @@ from radiosity.solver.finish import to_images
 from radiosity.solver.neighbours import Neighbours
 from radiosity.solver.receivers import Lumels
 from radiosity.solver.scene import Scene
-from radiosity.solver.seam_samples import seam_samples
+from radiosity.solver.seam_samples import SMOOTH_COSINE, seam_samples
 from radiosity.solver.settings import Settings
 
 Float = NDArray[np.floating[Any]]
+Int = NDArray[np.integer[Any]]
 WANTED = 1.2
+# The neighbours to the left, right, below and above, of the eight.
+SIDEWAYS = [1, 3, 4, 6]
+# Two lumels on a seam count if their distance is within this factor of that of lumels in their charts. Texels of two
+# charts meet in any way: most pairs are nearer than a texel.
+AS_FAR = 2.0
 
 
 @dataclass(frozen=True)
 class Steps:
-    """Mean differences, in the lightmap's unit, and the number of pairs of lumels across seams."""
+    """Mean differences, in the lightmap's unit; how many pairs across seams are alike, and how many there are."""
 
     seam: float
-    shown: float
     inside: float
+    shown: float
+    all: float
+    alike: int
     pairs: int
 
     @property
@@ -78,44 +91,61 @@ def baked(path: Path, settings: Settings) -> tuple[Lumels, Scene, list[Float]]:
     return kept[0][0], scene, kept[0][1]
 
 
-def steps(lumels: Lumels, scene: Scene, images: list[Float], taps: seams.Taps) -> Steps:
-    """Mean steps over seams and beside them, see the module."""
-    flat = np.concatenate([image.reshape(-1, 3) for image in images]).astype(np.float64)
-    shown = (flat[taps.texel] * taps.weight[:, :, :, None]).sum(axis=2)
-    # The lumel nearest to the seam on each side: the one that weighs most there.
+def pairs_across(lumels: Lumels, taps: seams.Taps) -> Int:
+    """(n, 2) lumels on the two sides of a seam: at each of its samples the nearest of each chart; every pair once."""
+    row = np.full(len(taps.owner), -1, np.int64)
+    row[texel_of(lumels)] = np.arange(len(lumels))
     own = taps.owner[taps.texel] == taps.chart[:, :, None]
     nearest = np.argmax(np.where(own, taps.weight, -1), axis=2)[:, :, None]
     both = np.take_along_axis(own, nearest, axis=2).all(axis=(1, 2))
-    pair = np.unique(np.take_along_axis(taps.texel, nearest, axis=2)[both, :, 0], axis=0)
-    return Steps(float(np.abs(flat[pair[:, 0]] - flat[pair[:, 1]]).mean()),
-                 float(np.abs(shown[:, 0] - shown[:, 1]).mean()), inside(lumels, flat, taps), len(pair))
+    return np.unique(np.sort(row[np.take_along_axis(taps.texel, nearest, axis=2)[both, :, 0]], axis=1), axis=0)
 
 
-def inside(lumels: Lumels, flat: Float, taps: seams.Taps) -> float:
-    """Mean step between neighbouring lumels of one chart, one of them beside a seam."""
+def texel_of(lumels: Lumels) -> Int:
+    """(n,) where the lumels stand among the texels of all pages, one after another."""
     sizes = np.array([page.width * page.height for page in lumels.pages], np.int64)
-    place = np.concatenate([[0], np.cumsum(sizes)])[lumels.page] + lumels.pixel
-    beside = np.zeros(len(flat), bool)
-    beside[taps.texel] = True
-    around = Neighbours(lumels).at(1)[:, [1, 3, 4, 6]]
-    row, column = np.nonzero((around >= 0) & beside[place][:, None])
-    return float(np.abs(flat[place[row]] - flat[place[around[row, column]]]).mean())
+    return np.asarray(np.concatenate([[0], np.cumsum(sizes)])[lumels.page] + lumels.pixel)
+
+
+def steps(lumels: Lumels, images: list[Float], taps: seams.Taps) -> Steps:
+    """Mean steps over seams and beside them, see the module."""
+    flat = np.concatenate([image.reshape(-1, 3) for image in images]).astype(np.float64)
+    shown = (flat[taps.texel] * taps.weight[:, :, :, None]).sum(axis=2)
+    value, position, normal = flat[texel_of(lumels)], lumels.receivers.position, lumels.receivers.normal
+    beside = Neighbours(lumels).at(1)[:, SIDEWAYS]
+    pair = pairs_across(lumels, taps)
+
+    def apart(one: Int, other: Int) -> tuple[Float, Float, NDArray[np.bool_]]:
+        return (np.abs(value[one] - value[other]).mean(axis=-1),
+                np.linalg.norm(position[one] - position[other], axis=-1),
+                (normal[one] * normal[other]).sum(axis=-1) > SMOOTH_COSINE)
+
+    step, distance, alike = apart(*pair.T)
+    around = beside[pair].reshape(len(pair), -1)
+    own_step, own_distance, own_alike = apart(np.repeat(pair, len(SIDEWAYS), axis=1), around)
+    counts = own_alike & (around >= 0)
+    number = np.maximum(counts.sum(axis=1), 1)
+    inside, usual = ((each * counts).sum(axis=1) / number for each in (own_step, own_distance))
+    some = alike & counts.any(axis=1) & (distance > usual / AS_FAR) & (distance < usual * AS_FAR)
+    return Steps(float(step[some].mean()), float(inside[some].mean()), float(np.abs(shown[:, 0] - shown[:, 1]).mean()),
+                 float(step.mean()), int(some.sum()), len(pair))
 
 
 def measure(path: Path, settings: Settings) -> bool:
     """Print a scene's row; whether its stitched seams hold."""
     lumels, scene, images = baked(path, settings)
-    taps = seams.seam_taps(seam_samples(lumels, scene), lumels, scene)
+    samples = seam_samples(lumels, scene)
+    taps = seams.seam_taps(samples, lumels, scene)
     start = time.perf_counter()
-    stitched = seams.Seams(lumels, scene).stitch(images)
+    stitched = seams.Seams(samples, lumels, scene).stitch(images)
     seconds = time.perf_counter() - start
     moved = sum(int((new != old).any(axis=2).sum()) for new, old in zip(stitched, images, strict=True))
     print(f"{path.stem}: {len(lumels)} lumels, {len(taps.texel)} samples of seams, {moved} texels moved in "
           f"{seconds:.2f} s")
     for name, shown in (("before", images), ("stitched", stitched)):
-        found = steps(lumels, scene, shown, taps)
-        print(f"  {name:<10}seam {found.seam:.5g}  shown {found.shown:.5g}  inside {found.inside:.5g}  "
-              f"seam / inside {found.ratio:.3f}  ({found.pairs} pairs)", flush=True)
+        found = steps(lumels, shown, taps)
+        print(f"  {name:<10}seam {found.seam:.3g}  inside {found.inside:.3g}  seam / inside {found.ratio:.2f}  "
+              f"({found.alike} pairs)  shown {found.shown:.3g}  all {found.all:.3g}  ({found.pairs} pairs)", flush=True)
     return found.ratio <= WANTED
 
 

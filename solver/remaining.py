@@ -1,7 +1,7 @@
 """How much error is left in gathered light that is filtered: noise, and what the filter blurs.
 
-What a filter blurs does not show in the difference of two filtered looks. Against the *other* look, unfiltered, it does:
-with v the variance of a look, and a filter that knows nothing of it,
+What a filter blurs does not show in the difference of two filtered looks. Against the *other* look, unfiltered, it
+does: with v the variance of a look, and a filter that knows nothing of it,
 
     mean((filtered first - second)^2) = (blur^2 + variance of the filtered look) + v
 

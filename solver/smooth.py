@@ -79,7 +79,7 @@ def _variance(first: Float, second: Float, rings: Sequence[Int]) -> Float:
     return np.asarray(variance, np.float32)
 
 
-def _apart(first: Float, second: Float, rings: list[Int]) -> Float:
+def _apart(first: Float, second: Float, rings: Sequence[Int]) -> Float:
     """(n, 1) how far two looks differ at most, in any channel, among as many neighbours as are filtered, W/m2."""
     apart = np.abs(light_of(first) - light_of(second)).max(axis=1)
     for ring in rings:
