@@ -98,7 +98,8 @@ def pairs_across(lumels: Lumels, taps: seams.Taps) -> Int:
     own = taps.owner[taps.texel] == taps.chart[:, :, None]
     nearest = np.argmax(np.where(own, taps.weight, -1), axis=2)[:, :, None]
     both = np.take_along_axis(own, nearest, axis=2).all(axis=(1, 2))
-    return np.unique(np.sort(row[np.take_along_axis(taps.texel, nearest, axis=2)[both, :, 0]], axis=1), axis=0)
+    pair = row[np.take_along_axis(taps.texel, nearest, axis=2)[both, :, 0]]
+    return np.asarray(np.unique(np.sort(pair, axis=1), axis=0))
 
 
 def texel_of(lumels: Lumels) -> Int:
