@@ -4,17 +4,11 @@ An edge-avoiding wavelet filter (Dammertz, Sewtz, Hanika & Lensch 2010) over the
 gathered twice; each of the two is filtered with weights that the other one gives (Rousselle, Knaus & Zwicker 2012), so
 that noise can't vote for itself, and half the difference of the two results is still an honest sample of the error of
 their mean. Only gathered light is filtered; the lamps' shadows are not.
-
-Where we leave the papers: where rays of both looks chanced to meet something small and bright, each look tells the
-other that this receiver alone is bright, and a speckle stays. A guide that stands out from what it is averaged with, by
-no more than two looks differ nearby, is therefore taken for one of these. What the looks hold is averaged, not cut: the
-mean stays.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from functools import partial
 from typing import Any
 
 import numpy as np
@@ -38,10 +32,6 @@ DEVIATIONS = 1.8
 FARTHEST = 8.0
 # Receivers that face apart by more than this cosine do not share light.
 SAME_WAY = 0.95
-# A receiver with fewer neighbours than at a chart's edge may stand out from them as it likes.
-COMPANY = 5
-# What a step of the filter leaves of how far two looks differ, about.
-LEFT = np.float32(0.5)
 CHUNK = 2**16
 
 
@@ -49,14 +39,11 @@ def smooth(first: Float, second: Float, receivers: Receivers, neighbours: Neighb
     """Filter two independent looks at the same receivers, (n, 6 ...) each: emitted and reflected light, RGB, and more
     columns that are filtered with the weights that these give."""
     rings = [neighbours.at(step) for step in STEPS]
-    variance, apart = _variance(first, second, rings), _apart(first, second, rings)
+    variance = _variance(first, second, rings)
     for ring in rings:
-        guides = [np.concatenate(run.map(partial(_in_company, light_of(look), ring, apart),
-                                         shares(len(look), CHUNK))) for look in (first, second)]
-        jobs = [(part, first, second, guides, receivers, ring, variance) for part in shares(len(first), CHUNK)]
+        jobs = [(part, first, second, receivers, ring, variance) for part in shares(len(first), CHUNK)]
         done = run.map(_filter, jobs)
         first, second, variance = (np.concatenate([piece[axis] for piece in done]) for axis in range(3))
-        apart = apart * LEFT
     return first, second
 
 
@@ -79,42 +66,18 @@ def _variance(first: Float, second: Float, rings: Sequence[Int]) -> Float:
     return np.asarray(variance, np.float32)
 
 
-def _apart(first: Float, second: Float, rings: Sequence[Int]) -> Float:
-    """(n, 1) how far two looks differ at most, in any channel, among as many neighbours as are filtered, W/m2."""
-    apart = np.abs(light_of(first) - light_of(second)).max(axis=1)
-    for ring in rings:
-        apart = np.maximum(apart, np.where(ring >= 0, apart[ring], 0).max(axis=1))
-    return np.asarray(apart[:, None], np.float32)
-
-
-def _in_company(light: Float, ring: Int, apart: Float, part: slice) -> Float:
-    """(k, 3) light of receivers `part`; what is above or below all but one of those in its ring becomes like that
-    one's, moved by `apart` at most."""
-    own, others = light[part], ring[part]
-    high, higher = (np.full(own.shape, -np.inf, np.float32) for _ in range(2))
-    low, lower = (np.full(own.shape, np.inf, np.float32) for _ in range(2))
-    for other in others.T:
-        there = (other >= 0)[:, None]
-        above, below = np.where(there, light[other], -np.inf), np.where(there, light[other], np.inf)
-        high, higher = np.maximum(high, np.minimum(higher, above)), np.maximum(higher, above)
-        low, lower = np.minimum(low, np.maximum(lower, below)), np.minimum(lower, below)
-    many = ((others >= 0).sum(axis=1) >= COMPANY)[:, None]
-    moved = np.clip(np.clip(own, low, high), own - apart[part], own + apart[part])
-    return np.asarray(np.where(many, moved, own), np.float32)
-
-
 def light_of(look: Float) -> Float:
     """(n, 3) all light of a look (n, 6 ...)."""
     return look[:, :3] + look[:, 3:6]
 
 
-def _filter(job: tuple[slice, Float, Float, list[Float], Receivers, Int, Float]) -> tuple[Float, Float, Float]:
-    part, first, second, guides, receivers, around, variance = job
+def _filter(job: tuple[slice, Float, Float, Receivers, Int, Float]) -> tuple[Float, Float, Float]:
+    part, first, second, receivers, around, variance = job
     others, kernel = around[part], kernel_weights(receivers, around, part)
     noise = variance[part][:, None] + variance[others]
     out = []
     power = np.zeros(len(others), np.float32)
-    for guide, source in zip(reversed(guides), (first, second), strict=True):
+    for guide, source in ((light_of(second), first), (light_of(first), second)):
         apart = np.square(guide[others] - guide[part][:, None]).mean(axis=2)
         excess = np.maximum(apart - noise, 0) / np.maximum(noise * np.float32(DEVIATIONS**2), np.float32(1e-30))
         weight = np.where(excess < FARTHEST, kernel * np.exp(-excess), np.float32(0))

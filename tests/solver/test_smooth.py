@@ -134,27 +134,6 @@ def test_what_remains_tells_of_blur_that_two_filtered_looks_share():
     assert left == pytest.approx(NOISE**2 / 2, rel=0.2)
 
 
-
-
-def test_a_speckle_that_both_looks_happen_to_have_is_spread_and_not_lost():
-    # Truth 1; one ray in fifty of a look meets something bright and adds 5. Where both looks of a lumel do, each tells
-    # the other that this lumel is bright: it ends within what its neighbours have, and the mean of all stays.
-    flat, receivers = _plane()
-    looks = []
-    for number in (0, 1):
-        look = np.zeros((SIDE**2, 6), np.float32)
-        look[:, 3:] = (1 + 5 * (np.random.default_rng([7, number]).random(SIDE**2) < .02))[:, None]
-        looks.append(look)
-    middle = SIDE**2 // 2 + SIDE // 2
-    for look in looks:
-        look[middle, 3:] = 6
-    before = sum(look[:, 3].mean() for look in looks) / 2
-    value = sum(look[:, 3] for look in smooth(*looks, receivers, Neighbours(flat), Run(1))) / 2
-    assert value[middle] < 1.6
-    # As much as a spike at the image's edge counts more or less than its share.
-    assert value.mean() == pytest.approx(before, rel=0.01)
-
-
 def test_a_lumel_that_is_bright_where_nothing_is_in_doubt_stays():
     # Two looks without noise agree on 1, and on 6 at one lumel (what a gap lets in): it keeps its light.
     flat, receivers = _plane()
