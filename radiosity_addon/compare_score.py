@@ -10,10 +10,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..solver import estimator, sampling_law
-from ..solver.lumels import charts_of_triangles, surface_of_triangle
+from ..solver.lumels import charts_of_triangles
 from ..solver.raster import rasterise
 from ..solver.result import Bake
-from ..solver.scene import Scene
+from ..solver.scene import Scene, surface_of_triangle
 
 Float = NDArray[np.floating[Any]]
 Bool = NDArray[np.bool_]

@@ -196,7 +196,8 @@ class _Work:
             return 0.0
         some = np.linspace(0, looks.first - 1, min(looks.first, LEVEL_SAMPLE)).astype(int)
         spots = looks.spots.take(some)
-        met = ReceiverFootprints(self.geometry, free_receivers(spots.points, spots.normals), 0.0, self.settings.seed)
+        there = free_receivers(spots.points, spots.normals, self.geometry.surface[spots.triangle])
+        met = ReceiverFootprints(self.geometry, there, 0.0, self.settings.seed)
         lit = self.direct.irradiance(met, self.run).mean(axis=1)
         once = float((looks.weight[some] * lit).mean()) * looks.first / looks.paths
         bounced = MORE_BOUNCES * once + looks.bounced
@@ -291,10 +292,13 @@ def solve(scene: Scene, settings: Settings) -> Solution:
 
 
 def irradiance(scene: Scene, settings: Settings, points: Float, normals: Float, progress: Progress | None = None,
-               cancelled: Callable[[], bool] | None = None) -> Float:
-    """Irradiance at receivers anywhere: points (n, 3) metres, normals (n, 3) -> (n, 3) float32, W/m2."""
+               cancelled: Callable[[], bool] | None = None, surfaces: NDArray[np.integer[Any]] | None = None) -> Float:
+    """Irradiance at receivers anywhere: points (n, 3) metres, normals (n, 3) -> (n, 3) float32, W/m2.
+
+    Lamps with links shine on them as on `surfaces` (n,) of the scene, -1 for none; without it as on nothing's surface.
+    """
     work = _Work(scene, settings, progress, cancelled)
-    direct, bounced = work.light(probes(scene, points, normals))
+    direct, bounced = work.light(probes(scene, points, normals, surfaces))
     return _passes(direct, bounced, settings.passes)
 
 

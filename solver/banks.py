@@ -1,10 +1,12 @@
 """Lamps of one kind side by side, so that rays to many of them are worked on together.
 
-A bank answers what a lamp does (`lights.py`), each point about a lamp of its own, whose number is given with it.
+A bank answers what a lamp does (`lights.py`), each point about a lamp of its own, whose number is given with it. The
+same surfaces stop the light of all lamps of a bank.
 """
 
 from __future__ import annotations
 
+from collections import defaultdict
 from collections.abc import Sequence
 from typing import Any, Protocol
 
@@ -14,6 +16,7 @@ from numpy.typing import NDArray
 from .area_lamp import Area
 from .lamps import Point, View
 from .lights import Light, LightSample, aimed
+from .linking import links_of, without_links
 from .mesh_emitter import CLOSED_FORM_TRIANGLES, MeshEmitter
 from .polygon import Shapes, indexed_form_factor
 
@@ -33,22 +36,33 @@ class Bank(Protocol):
         ...
 
 
-def banks(lights: Sequence[Light]) -> tuple[list[Bank], Int, Int]:
-    """Lamps in banks: the banks, and for each lamp its bank and its number there."""
-    flat = [number for number, light in enumerate(lights) if _is_flat(light)]
-    points = [number for number, light in enumerate(lights) if type(light) is Point]
+def banks(lights: Sequence[Light]) -> tuple[list[Bank], Int, Int, list[NDArray[np.bool_]]]:
+    """Lamps in banks: the banks, for each lamp its bank and its number there, and for each bank the surfaces that stop
+    its light (see `linking.Links`)."""
+    lamps = [without_links(light) for light in lights]
+    blockers = [np.asarray(links_of(light).blockers) for light in lights]
     whole: list[Bank] = []
-    bank, place = np.empty(len(lights), np.int64), np.empty(len(lights), np.int64)
-    for numbers, kind in ((flat, FlatBank), (points, PointBank)):
-        if len(numbers) > 1:
-            bank[numbers], place[numbers] = len(whole), np.arange(len(numbers))
-            whole.append(kind([lights[number] for number in numbers]))
-    done = {number for numbers in (flat, points) if len(numbers) > 1 for number in numbers}
-    for number, light in enumerate(lights):
-        if number not in done:
-            bank[number], place[number] = len(whole), 0
-            whole.append(Single(light))
-    return whole, bank, place
+    first: list[int] = []
+    bank, place = np.full(len(lights), -1, np.int64), np.zeros(len(lights), np.int64)
+    for kind, fits in ((FlatBank, _is_flat), (PointBank, _is_point)):
+        alike: dict[bytes, list[int]] = defaultdict(list)
+        for number, lamp in enumerate(lamps):
+            if fits(lamp):
+                alike[blockers[number].tobytes()].append(number)
+        for numbers in alike.values():
+            if len(numbers) > 1:
+                bank[numbers], place[numbers] = len(whole), np.arange(len(numbers))
+                whole.append(kind([lamps[number] for number in numbers]))
+                first.append(numbers[0])
+    for number in np.flatnonzero(bank < 0):
+        bank[number] = len(whole)
+        whole.append(Single(lamps[number]))
+        first.append(int(number))
+    return whole, bank, place, [blockers[number] for number in first]
+
+
+def _is_point(light: Light) -> bool:
+    return type(light) is Point
 
 
 def _is_flat(light: Light) -> bool:

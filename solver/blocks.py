@@ -32,6 +32,7 @@ class Blocks:
     centre, radius : (b, 3), (b,) float32, metres: a sphere that holds the footprints.
     normal, spread : (b, 3), (b,) float32: the mean way they face, and what the widest angle to it adds to a cosine at
         most.
+    kind : (b,) int, the kind of surface that all of a block lie on (see `linking.Reach`).
     """
 
     order: Int
@@ -40,6 +41,7 @@ class Blocks:
     radius: Float
     normal: Float
     spread: Float
+    kind: Int
 
     def __len__(self) -> int:
         return len(self.begin) - 1
@@ -57,7 +59,7 @@ class Blocks:
     def take(self, part: slice) -> Blocks:
         """A run of the blocks."""
         return Blocks(self.order, self.begin[part.start:part.stop + 1], self.centre[part], self.radius[part],
-                      self.normal[part], self.spread[part])
+                      self.normal[part], self.spread[part], self.kind[part])
 
     def members(self, block: Int) -> tuple[Int, Int]:
         """All receivers of some blocks: which of `block` each belongs to, and its place in `order`."""
@@ -67,9 +69,10 @@ class Blocks:
         return which, self.begin[:-1][block][which] + step
 
     @classmethod
-    def nested(cls, places: Footprints, most: tuple[int, ...], run: Run) -> tuple[Blocks, ...]:
-        """Blocks of at most so many footprints, more only where they lie in one point; and so on, each kind made of
-        whole ones of those that are smaller. The last are the footprints themselves, one by one."""
+    def nested(cls, places: Footprints, most: tuple[int, ...], run: Run, kind: Int | None = None) -> tuple[Blocks, ...]:
+        """Blocks of at most so many footprints, more only where they lie in one point; and so on, each size made of
+        whole ones of those that are smaller. The last are the footprints themselves, one by one. Footprints of unlike
+        kinds (n,) are never in one block."""
         def corners(part: slice) -> tuple[Float, Float, Float, Float]:
             rows = np.arange(part.start, part.stop)
             low, high = np.zeros(len(rows), np.float32), np.full(len(rows), 1 - 2.0**-24, np.float32)
@@ -77,12 +80,19 @@ class Blocks:
 
         parts = run.map(corners, slices(len(places), CHUNK))
         one, facing, other, turned = (np.concatenate([part[column] for part in parts]) for column in range(4))
-        key = _keys((one + other) / 2, facing)
+        kind = np.zeros(len(one), np.int64) if kind is None else kind
+        key = _keys((one + other) / 2, facing, kind)
         order = np.argsort(key, kind="stable")
         key = key[order]
         corner = one[order], other[order], facing[order], turned[order]
         firsts = [*(_boxes(key, number) for number in most), np.arange(len(order))]
-        return tuple(cls(order, np.append(first, len(order)), *_spheres(first, *corner)) for first in firsts)
+        return tuple(cls._of(order, first, kind, corner) for first in firsts)
+
+    @classmethod
+    def _of(cls, order: Int, first: Int, kind: Int, corner: tuple[Float, ...]) -> Blocks:
+        """The blocks that begin at `first`."""
+        centre, radius, normal, spread = _spheres(first, *corner)
+        return cls(order, np.append(first, len(order)), centre, radius, normal, spread, kind[order[first]])
 
 
 def _spheres(first: Int, one: Float, other: Float, facing: Float, turned: Float) -> tuple[Float, ...]:
@@ -102,14 +112,14 @@ def _spheres(first: Int, one: Float, other: Float, facing: Float, turned: Float)
     return tuple(np.asarray(array, np.float32) for array in (centre, radius, normal, spread))
 
 
-def _keys(points: Float, normals: Float) -> Int:
-    """(n,) int64: which way each faces, and where it lies along a curve that fills the boxes of an octree one by one
-    (Morton 1966)."""
+def _keys(points: Float, normals: Float, kind: Int) -> Int:
+    """(n,) int64: of which kind each is, which way it faces, and where it lies along a curve that fills the boxes of an
+    octree one by one (Morton 1966)."""
     low = points.min(axis=0)
     edge = max(float(np.max(points.max(axis=0) - low)), 1e-30)
     place = np.minimum((points - low) * np.float32(2**LEVELS / edge), 2**LEVELS - 1).astype(np.int64)
     axis = np.argmax(np.abs(normals), axis=1)
-    key = 2 * axis + (normals[np.arange(len(axis)), axis] > 0)
+    key = 6 * kind + 2 * axis + (normals[np.arange(len(axis)), axis] > 0)
     for level in reversed(range(LEVELS)):
         key = key * 8 + ((place >> level) & 1) @ np.array([1, 2, 4])
     return np.asarray(key)

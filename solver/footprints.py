@@ -28,6 +28,11 @@ class Footprints(Protocol):
 
     def __len__(self) -> int: ...
 
+    @property
+    def surface(self) -> Int:
+        """(n,) the surface of the scene that each lies on; -1 for none."""
+        ...
+
     def sample(self, rows: Int, x: Float, y: Float) -> tuple[Float, Float]:
         """Points lifted off the surface and unit normals, (n, 3) each, at (x, y) in [0, 1)^2 of footprints `rows`.
 
@@ -81,6 +86,13 @@ class ReceiverFootprints:
 
     def __len__(self) -> int:
         return len(self.receivers)
+
+    @property
+    def surface(self) -> Int:
+        """See Footprints."""
+        if self.receivers.surface is not None:
+            return self.receivers.surface
+        return self.geometry.surface[self.receivers.triangle]
 
     def sample(self, rows: Int, x: Float, y: Float) -> tuple[Float, Float]:
         """See Footprints."""
@@ -164,6 +176,11 @@ class CellFootprints(EachPoint):
 
     def __len__(self) -> int:
         return len(self.identity)
+
+    @property
+    def surface(self) -> Int:
+        """See Footprints."""
+        return self.cells.geometry.surface[self.cells.triangle_of(self.sides)]
 
     def sample(self, rows: Int, x: Float, y: Float) -> tuple[Float, Float]:
         """See Footprints."""

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from .cutouts import CutoutVisibility
 from .ray_kinds import RayKinds
-from .scene import Scene, Texture
+from .scene import Scene, Texture, surface_of_triangle
 from .visibility import OFFSET, Visibility
 
 if TYPE_CHECKING:
@@ -47,6 +47,7 @@ class Geometry:
         self._reflectance_texture = np.asarray(scene.reflectance_texture)
         self._emission_texture = np.asarray(scene.emission_texture)
         self._textured = bool((self._reflectance_texture >= 0).any())
+        self._shadows: dict[bytes, Visibility] = {}
 
     @cached_property
     def buried(self) -> Buried:
@@ -63,6 +64,21 @@ class Geometry:
             return self._visibility_of(np.arange(len(self.corners)))
         return RayKinds(self._visibility_of(np.flatnonzero(seen)), np.flatnonzero(seen),
                         self._visibility_of(np.flatnonzero(casts_shadow)))
+
+    @cached_property
+    def surface(self) -> NDArray[np.int32]:
+        """(t,) int32: the surface that each triangle is of."""
+        return surface_of_triangle(self.scene)
+
+    def shadows_of(self, blockers: NDArray[np.bool_]) -> Visibility:
+        """Shadow rays that some surfaces only stop: (s,) bool, or one for all. Not for several threads at once."""
+        if blockers.all():
+            return self.visibility
+        key = blockers.tobytes()
+        if key not in self._shadows:
+            stops = np.broadcast_to(blockers, len(self.scene.surfaces))[self.surface]
+            self._shadows[key] = self._visibility_of(np.flatnonzero(stops & np.asarray(self.scene.casts_shadow)))
+        return self._shadows[key]
 
     def _visibility_of(self, rows: Int) -> Visibility:
         """Rays against some of the triangles."""

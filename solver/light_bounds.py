@@ -9,7 +9,7 @@ d_min = |D| - r - rho (after Walter et al. 2005, Lightcuts, whose clusters are b
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -19,9 +19,9 @@ from .area_lamp import Area
 from .blocks import Blocks
 from .lamps import Point, Sun
 from .lights import Light
+from .linking import Linked, Reach
 from .luminaire import Luminaire
 from .mesh_emitter import MeshEmitter
-from .shadowless import Shadowless
 from .sky_patch import SkyPatch
 
 Float = NDArray[np.floating[Any]]
@@ -52,6 +52,7 @@ class LightBounds:
     far : (m,) bool, a sun.
     broad : (m,) bool, whether the weights of rays to it may differ much wherever they start.
     unknown : (m,) bool, a lamp of a kind that is not known here: it counts as near everywhere.
+    reach : which lamps reach which blocks; None: all of them all.
     """
 
     centre: Float
@@ -65,13 +66,15 @@ class LightBounds:
     far: NDArray[np.bool_]
     broad: NDArray[np.bool_]
     unknown: NDArray[np.bool_]
+    reach: Reach | None = None
 
     @classmethod
-    def of(cls, lights: Sequence[Light]) -> LightBounds:
+    def of(cls, lights: Sequence[Light], reach: Reach | None = None) -> LightBounds:
         """Of lamps about the scene's origin."""
         columns = [_bounds(light) for light in lights]
         kinds = (np.float32,) * 7 + (bool,) * 4
-        return cls(*(np.array([column[part] for column in columns], kind) for part, kind in enumerate(kinds)))
+        bounds: list[Any] = [np.array([column[part] for column in columns], kind) for part, kind in enumerate(kinds)]
+        return replace(cls(*bounds), reach=reach)
 
     def of_all(self, blocks: Blocks) -> tuple[Float, Float, NDArray[np.bool_]]:
         """`of_pairs` of every block and lamp: (b, m) each."""
@@ -90,6 +93,9 @@ class LightBounds:
         near = self.unknown[lamp] | (~far & (distance * (1 - ROUNDING) - rho - size <= NEAR * (rho + size)))
         given = [self._given(lamp, distance, facing + blocks.spread[block] * part * (distance + (rho + size) * part),
                              leaving, size * part, rho * part, NEAR * (rho + size)) for part in (TYPICAL, 1.0)]
+        if self.reach is not None and not self.reach.is_everywhere:
+            reached = self.reach.lamps[lamp, blocks.kind[block]]
+            given, near = [one * reached for one in given], near & reached
         return given[0], given[1], np.asarray(near)
 
     def _given(self, lamp: Int, distance: Float, facing: Float, leaving: Float, size: Float, rho: Float,
@@ -117,7 +123,7 @@ def _bounds(light: Light) -> tuple[Any, ...]:
     """One lamp's row: centre, radius, strength, soft, floor, axis, thickness, two_sided, far, broad, unknown."""
     strength = float(np.mean(light.colour))
     nowhere, any_way = np.zeros(3), (np.zeros(3), np.inf, True)
-    if isinstance(light, Shadowless):
+    if isinstance(light, Linked):
         return _bounds(light.lamp)
     if isinstance(light, Luminaire) and light.is_dimmed:
         return *_bounds(light.lamp)[:-2], True, False

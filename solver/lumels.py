@@ -14,7 +14,7 @@ from .layout import Layout, flat_triangles, make_layout
 from .pieces import originals, weld
 from .raster import Coverage, holds_centre, rasterise, to_texels
 from .receivers import Lumels, Page, Receivers
-from .scene import Scene
+from .scene import Scene, surface_of_triangle
 from .settings import Settings
 from .uv_faults import warn_of_distortion
 
@@ -87,14 +87,6 @@ def _cover(page: Page, uv: Float, triangles: Int, node: Int) -> Coverage:
             uv, triangles = uv[first], triangles[first]
             cover = rasterise(uv, page.width, page.height)
     return Coverage(np.where(cover.owner >= 0, triangles[cover.owner], -1).astype(np.int32), cover.overlapped)
-
-
-def surface_of_triangle(scene: Scene) -> NDArray[np.int32]:
-    """(t,) int32, the object that each triangle of the scene belongs to."""
-    surface = np.full(len(scene.triangles), -1, np.int32)
-    for index, item in enumerate(scene.surfaces):
-        surface[item.triangles] = index
-    return surface
 
 
 def _assemble(scene: Scene, layout: Layout, covers: list[Coverage], chart: NDArray[np.int32]) -> Lumels:

@@ -24,6 +24,7 @@ class Receivers:
     footprint : (n, 2, 2) float32, change of (u, v) along the two sides of the footprint at full size (a whole
         texel): row 0 for one texel to the right, row 1 for one texel up. The part of it that a value is the mean
         of is `Settings.footprint`; samples that fall off the triangle are drawn again, as Cycles does.
+    surface : (n,) int32, the surface of the scene whose light is asked for, -1 for none; None: that of the triangle.
     """
 
     position: Float
@@ -31,6 +32,7 @@ class Receivers:
     triangle: NDArray[np.int32]
     barycentric: Float
     footprint: Float
+    surface: NDArray[np.int32] | None = None
 
     def __len__(self) -> int:
         return len(self.position)
@@ -38,7 +40,8 @@ class Receivers:
     def take(self, index: NDArray[Any]) -> Receivers:
         """The receivers at `index` (an index array, a mask or a slice)."""
         return Receivers(self.position[index], self.normal[index], self.triangle[index],
-                         self.barycentric[index], self.footprint[index])
+                         self.barycentric[index], self.footprint[index],
+                         None if self.surface is None else self.surface[index])
 
 
 @dataclass(frozen=True)

@@ -16,6 +16,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from .errors import SceneError
 from .lights import Light
+from .linking import Links, links_of
 
 Float = NDArray[np.floating[Any]]
 
@@ -82,6 +83,7 @@ class Surface:
     density : factor on the texel density of this object.
     corner_ids : (count, 3) int32, for every triangle corner the index of the mesh's own corner (loop); None
         counts 0 ... 3 count - 1. Written back by the vertex target.
+    links : whom its emission reaches, and who stops it; None: everybody, as for surfaces that do not emit.
     """
 
     name: str
@@ -91,6 +93,7 @@ class Surface:
     receives: bool = True
     density: float = 1.0
     corner_ids: NDArray[np.int32] | None = None
+    links: Links | None = None
 
     def __post_init__(self) -> None:
         if self.lightmap_uv is not None:
@@ -201,6 +204,11 @@ class Scene:
         if sum(surface.count for surface in surfaces) != count:
             raise SceneError(f"the surfaces cover {sum(s.count for s in surfaces)} of {count} triangles")
         put("surfaces", surfaces)
+        for light in self.lights:
+            links_of(light).check(len(surfaces), f"lamp {light.name!r}")
+        for surface in surfaces:
+            if surface.links is not None:
+                surface.links.check(len(surfaces), f"object {surface.name!r}")
 
     def whose(self, triangle: int) -> str:
         """The material of a triangle, for messages; the triangle itself where no material is known."""
@@ -213,6 +221,14 @@ class Scene:
         if not len(self.vertices):
             return np.zeros(3)
         return np.asarray((self.vertices.min(axis=0) + self.vertices.max(axis=0)) / 2)
+
+
+def surface_of_triangle(scene: Scene) -> NDArray[np.int32]:
+    """(t,) int32, the object that each triangle of the scene belongs to."""
+    surface = np.full(len(scene.triangles), -1, np.int32)
+    for index, item in enumerate(scene.surfaces):
+        surface[item.triangles] = index
+    return surface
 
 
 def _per_triangle(name: str, value: ArrayLike, count: int) -> Float:

@@ -2,7 +2,8 @@
 
 Sides of triangles with the same ends in space are found by their vertices. Where meshes touch that are cut in other
 places (floor tiles beside a long wall's floor, two objects side by side) a short ray beside the edge finds who lies
-there. Where a wall stands on the seam the light really has a step, and there is no sample.
+there. Where a wall stands on the seam, or where a lamp is linked to one side alone, the light really has a step, and
+there is no sample.
 """
 
 from __future__ import annotations
@@ -14,10 +15,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .components import shared_edges
-from .lumels import UV_WELD, surface_of_triangle
+from .linking import Reach, links_of
+from .lumels import UV_WELD
 from .pieces import weld
 from .receivers import Lumels
-from .scene import Scene
+from .scene import Scene, surface_of_triangle
 from .visibility import OFFSET, Visibility
 
 Float = NDArray[np.floating[Any]]
@@ -87,6 +89,7 @@ def seam_samples(lumels: Lumels, scene: Scene) -> SeamSamples:
     touching = _touching(corners, visibility, uv, normal, page, sizes, laid[triangle], edge)
     samples = SeamSamples(np.concatenate([shared.triangle, touching.triangle]),
                           np.concatenate([shared.uv, touching.uv]))
+    samples = samples.take(_lit_alike(scene, surface[samples.triangle]))
     return samples.take(_open(corners, visibility, uv, sizes[page], samples))
 
 
@@ -120,6 +123,14 @@ def _touching(corners: Float, visibility: Visibility, uv: Float, normal: Float, 
     # Where the ray met the neighbour is a little inside it: as near to the edge as rays can tell.
     other = (uv[met[rows]] * weight[rows][:, :, None]).sum(axis=1)
     return SeamSamples(np.stack([own[rows], met[rows]], axis=1), np.stack([place[rows], other], axis=1))
+
+
+def _lit_alike(scene: Scene, surface: Int) -> NDArray[np.bool_]:
+    """(n,) bool: pairs of surfaces (n, 2) that the same lights reach."""
+    links = [links_of(light) for light in scene.lights]
+    links += [item.links for item in scene.surfaces if item.links is not None]
+    kind = Reach.of(links, len(scene.surfaces)).kind[surface]
+    return np.asarray(kind[:, 0] == kind[:, 1])
 
 
 def _open(corners: Float, visibility: Visibility, uv: Float, sizes: Float, samples: SeamSamples) -> NDArray[np.bool_]:

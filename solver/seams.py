@@ -13,9 +13,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from .lumels import charts_of_triangles, surface_of_triangle
+from .lumels import charts_of_triangles
 from .receivers import Lumels
-from .scene import Scene
+from .scene import Scene, surface_of_triangle
 from .seam_samples import SeamSamples
 
 Float = NDArray[np.floating[Any]]

@@ -77,6 +77,11 @@ class SeenFootprints(EachPoint):
     def __len__(self) -> int:
         return len(self.identity)
 
+    @property
+    def surface(self) -> Int:
+        """See Footprints."""
+        return self._geometry.surface[self.triangle]
+
     def at(self, rows: Int, x: Float) -> tuple[Int, Float, Float]:
         """Triangle, u and v (n,) of points of cells `rows`, drawn by x in [0, 1)."""
         point = self._first[rows] + (x * self._count[rows]).astype(np.int64)
