@@ -24,6 +24,7 @@ from .footprints import Footprints
 from .geometry import Geometry
 from .lamp_draw import LampDraw
 from .lights import Light
+from .linking import Reach, links_of
 from .parallel import Run, slices
 from .sampling import cosine_directions, kronecker, shifted
 from .visibility import SHORTEN
@@ -171,8 +172,10 @@ class Auditor:
         self.geometry, self.lights, self._lamp = geometry, tuple(lights), sampled_emitter
         self.seed = seed
         self._colour = np.array([light.colour for light in self.lights], np.float32).reshape(-1, 3)
-        self._banks, self._bank, self._place = banks(self.lights)
-        self._draw = LampDraw(self.lights, geometry) if len(self.lights) > FEW_LAMPS else None
+        self._banks, self._bank, self._place, blockers = banks(self.lights)
+        self._shadows = [geometry.shadows_of(some) for some in blockers]
+        self._reach = Reach.of([links_of(light) for light in self.lights], len(geometry.scene.surfaces))
+        self._draw = LampDraw(self.lights, geometry, self._reach) if len(self.lights) > FEW_LAMPS else None
 
     def truth(self, places: Footprints, rows: Int, paths: int, run: Run) -> Truth:
         """Irradiance of footprints `rows` by `paths` paths each (rounded up to whole groups)."""
@@ -232,22 +235,26 @@ class Auditor:
             normals, flat = normals[keep], flat[keep]
             if not len(alive):
                 break
-            indirect[alive] += carried * self._lamps(points, normals, generator, run)
+            kind = self._reach.kind[self.geometry.surface[triangle[keep]]]
+            indirect[alive] += carried * self._lamps(points, normals, kind, generator, run)
             u, v = generator.random((2, len(alive)), np.float32)
             directions = cosine_directions(normals, u[:, None], v[:, None])[:, 0]
             carried = carried * (np.einsum("ij,ij->i", directions, flat) > 0)[:, None]
         shape = (len(rows), GROUPS, strata, 3)
         return direct.reshape(shape).mean(axis=2), indirect.reshape(shape).mean(axis=2)
 
-    def _lamps(self, points: Float, normals: Float, generator: np.random.Generator, run: Run) -> Float:
-        """Direct irradiance at vertices by one shadow ray to every lamp, or to one lamp that is drawn: (n, 3)."""
+    def _lamps(self, points: Float, normals: Float, kind: Int, generator: np.random.Generator, run: Run) -> Float:
+        """Direct irradiance at vertices on kinds of surface (n,), by one shadow ray to every lamp that reaches them, or
+        to one lamp that is drawn: (n, 3)."""
         out = np.zeros((len(points), 3), np.float32)
         if self._draw is None:
             for number in range(len(self.lights)):
-                out += self._shadow(points, normals, np.full(len(points), number), generator, run)
+                rows = np.flatnonzero(self._reach.lamps[number, kind])
+                out[rows] += self._shadow(points[rows], normals[rows], np.full(len(rows), number), generator, run)
             return out
-        lamp, chance = self._draw.draw(points, generator.random(len(points)))
-        order = np.argsort(self._bank[lamp], kind="stable")
+        lamp, chance = self._draw.draw(points, kind, generator.random(len(points)))
+        reached = np.flatnonzero(self._reach.lamps[lamp, kind])
+        order = reached[np.argsort(self._bank[lamp[reached]], kind="stable")]
         edges = np.append(np.flatnonzero(np.diff(self._bank[lamp[order]], prepend=-1)), len(order))
         for first, last in zip(edges[:-1], edges[1:], strict=True):
             rows = order[first:last]
@@ -264,7 +271,8 @@ class Auditor:
         lit = np.flatnonzero(towards.weight > 0)
         free = np.zeros(len(points), bool)
         reach = np.minimum(towards.distance[lit], np.float32(1e30)) * np.float32(1 - SHORTEN)
-        free[lit] = ~self.geometry.visibility.occluded(points[lit], towards.direction[lit], reach)
+        shadows = self._shadows[self._bank[lamp[0]]]
+        free[lit] = ~shadows.occluded(points[lit], towards.direction[lit], reach)
         run.count(len(lit))
         given = np.where(free, towards.weight, 0)
         # Right beside a lamp a ray's weight goes to infinity. There the closed form is taken, and what rays find hidden
@@ -283,6 +291,11 @@ class _Some:
 
     def __len__(self) -> int:
         return len(self._rows)
+
+    @property
+    def surface(self) -> Int:
+        """See Footprints."""
+        return self._places.surface[self._rows]
 
     def sample(self, rows: Int, x: Float, y: Float) -> tuple[Float, Float]:
         """See Footprints."""

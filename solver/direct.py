@@ -25,6 +25,7 @@ from .footprints import Footprints
 from .geometry import Geometry
 from .light_bounds import LightBounds
 from .lights import Light
+from .linking import Reach, links_of
 from .many_lights import TELLING, Chooser, Looks, Wish, everybody
 from .parallel import Run, shares
 from .sampling import kronecker, shifted, shifts
@@ -80,9 +81,12 @@ class DirectLight:
         self.geometry, self.lights, self.seed, self.split = geometry, tuple(lights), seed, split
         self._colour = np.array([light.colour for light in self.lights], np.float32).reshape(-1, 3)
         self._brightness = self._colour.mean(axis=1)
-        self._banks, self._bank, self._place = banks(self.lights)
-        self._chooser = Chooser(LightBounds.of(self.lights), seed) if len(self.lights) > FEW_LAMPS else None
-        self._closed_samples = CLOSED_SAMPLES if self._chooser is None else CLOSED_SAMPLES_OF_MANY
+        self._banks, self._bank, self._place, blockers = banks(self.lights)
+        self._shadows = [geometry.shadows_of(some) for some in blockers]
+        self._reach = Reach.of([links_of(light) for light in self.lights], len(geometry.scene.surfaces))
+        many = len(self.lights) > FEW_LAMPS
+        self._chooser = Chooser(LightBounds.of(self.lights, self._reach), seed) if many else None
+        self._closed_samples = CLOSED_SAMPLES_OF_MANY if many else CLOSED_SAMPLES
 
     def irradiance(self, places: Footprints, run: Run, tolerance: float = 0.0, pilot: int = PILOT_RAYS,
                    small_share: float = SMALL_SHARE, neighbours: Int | None = None) -> Float:
@@ -111,9 +115,10 @@ class DirectLight:
         wish = Wish(tolerance, pilot, small_share)
         if self._chooser is None:
             for lamp in range(len(self.lights)):
-                self._add(total, everybody(len(places), lamp, wish), places, wish, neighbours, run)
+                self._add(total, everybody(self._reach.rows(lamp, places), lamp, wish), places, wish, neighbours, run)
             return total
-        regions, blocks, single = Blocks.nested(places, (FINE_REGION if tolerance > 0 else REGION, BLOCK), run)
+        most = (FINE_REGION if tolerance > 0 else REGION, BLOCK)
+        regions, blocks, single = Blocks.nested(places, most, run, self._reach.kinds(places))
         shown = self._chooser.shown(regions, places, lambda lamp, rows: self._attempt(places, lamp, rows, run))
         within = np.searchsorted(regions.begin, blocks.begin[:-1], side="right") - 1
         for batch in self._chooser.batches(blocks):
@@ -233,7 +238,8 @@ class DirectLight:
         seen = np.zeros_like(weight)
         if len(lit):
             reach = np.minimum(towards.distance[lit], np.float32(1e30)) * np.float32(1 - SHORTEN)
-            hidden = self.geometry.visibility.occluded(points[lit], towards.direction[lit], reach)
+            shadows = self._shadows[self._bank[lamp[0]]]
+            hidden = shadows.occluded(points[lit], towards.direction[lit], reach)
             seen[lit] = np.where(hidden, 0, weight[lit])
         run.count(len(lit))
         return weight, seen

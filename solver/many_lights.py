@@ -99,9 +99,10 @@ class Wish:
     small_share: float
 
 
-def everybody(count: int, lamp: int, wish: Wish) -> Looks:
-    """Every receiver looks at a lamp."""
-    return Looks(np.arange(count), np.full(count, lamp), np.ones(count, np.float32), np.full(count, wish.pilot),
+def everybody(rows: Int, lamp: int, wish: Wish) -> Looks:
+    """Every one of some receivers looks at a lamp."""
+    count = len(rows)
+    return Looks(rows, np.full(count, lamp), np.ones(count, np.float32), np.full(count, wish.pilot),
                  np.ones(count, bool))
 
 
