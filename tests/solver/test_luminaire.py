@@ -9,11 +9,11 @@ from radiosity.solver.geometry import Geometry
 from radiosity.solver.lamps import Point, Sun
 from radiosity.solver.light_bounds import LightBounds
 from radiosity.solver.lights import Light
+from radiosity.solver.linking import Linked, Links
 from radiosity.solver.luminaire import Falloff, Luminaire
 from radiosity.solver.sampling import kronecker
 from radiosity.solver.scene import Scene
 from radiosity.solver.settings import Settings
-from radiosity.solver.shadowless import Shadowless
 from radiosity.solver.sky_picture import SkyMap
 from radiosity.solver.spot import Spot
 from radiosity.tests.solver.lit_points import arrays, sampled, scattered, shell
@@ -41,8 +41,8 @@ LAMPS = {
                                    _pattern(_downward)),
     "linear": Luminaire(BULB, falloff=Falloff("linear")),
     "smooth area": Luminaire(Area("lamp", (0, 0, 2), (0, 1, 0), (0.5, 0, 0), 10), falloff=Falloff("quadratic", 2)),
-    "without shadow": Shadowless(BULB),
-    "sun without shadow": Shadowless(Sun("lamp", DOWN, 1, 0.1)),
+    "without shadow": Linked(BULB, Links(blockers=False)),
+    "sun without shadow": Linked(Sun("lamp", DOWN, 1, 0.1), Links(blockers=False)),
 }
 
 
@@ -111,7 +111,7 @@ def test_a_lamp_without_shadow_is_stopped_by_nothing():
     floor = plate * (1, 1, 0)
     triangles = [(0, 1, 2), (0, 2, 3), (4, 5, 6), (4, 6, 7)]
     point, normal = np.zeros((1, 3)), np.float32([UP])
-    for light, factor in ((Shadowless(BULB), 1.0), (BULB, 0.0)):
+    for light, factor in ((LAMPS["without shadow"], 1.0), (BULB, 0.0)):
         scene = Scene(np.concatenate([floor, plate]), triangles, reflectance=0.0, lights=(light,))
         assert len(Geometry(scene).area) == 4
         value = solver.irradiance(scene, Settings(), point, normal)[0, 0]

@@ -13,6 +13,7 @@ from radiosity.solver.geometry import Geometry
 from radiosity.solver.lamp_draw import LampDraw
 from radiosity.solver.lamps import Point, Sun
 from radiosity.solver.light_bounds import LightBounds
+from radiosity.solver.linking import Reach, links_of
 from radiosity.solver.mesh_emitter import MeshEmitter
 from radiosity.solver.parallel import Run
 from radiosity.solver.probes import probes
@@ -85,7 +86,7 @@ def test_no_lamp_gives_more_than_its_bound():
 def test_a_bank_answers_as_its_lamps_do():
     # 90 lamps, 9,000 points: the same shadow rays and closed forms as from each lamp alone, but for rounding.
     lamps = _zoo(10)
-    whole, bank, place = banks(lamps)
+    whole, bank, place, _ = banks(lamps)
     assert len(whole) == 2 + 3 * 10
     _, places = _cloud(9000)
     half = np.full(len(places), 0.5, np.float32)
@@ -200,9 +201,9 @@ def test_draws_for_paths_are_unbiased_wherever_a_point_lies():
     # 90 lamps: one over the probability, summed over draws, is the number of lamps; chances are those of the draws.
     scene = quad((-4, -4, -4), (8, 0, 0), (0, 8, 8)).scene()
     lamps = [lamp.translated(-scene.origin) for lamp in _zoo(10)]
-    draw = LampDraw(lamps, Geometry(scene))
+    draw = LampDraw(lamps, Geometry(scene), Reach.of([links_of(lamp) for lamp in lamps], 1))
     point = np.tile(np.array([[0.3, -0.2, 0.1]], np.float32), (200_000, 1))
-    lamp, chance = draw.draw(point, (np.arange(len(point)) + 0.5) / len(point))
+    lamp, chance = draw.draw(point, np.zeros(len(point), np.int64), (np.arange(len(point)) + 0.5) / len(point))
     counts = np.bincount(lamp, minlength=len(lamps)) / len(point)
     assert np.array_equal(np.unique(lamp), np.arange(len(lamps)))
     assert np.allclose(counts[lamp], chance, atol=2e-5)
