@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -12,6 +13,7 @@ from ..solver.lights import Light
 from ..solver.scene import Scene, Sky, Surface
 from ..solver.settings import Settings
 from .binding import Binding
+from .linking import Linking
 from .mesh_arrays import MeshArrays, degenerate, read_mesh, read_uv, triangle_normals
 from .object_settings import density_of
 from .surface_materials import Columns, Slot, SurfaceMaterials
@@ -25,8 +27,9 @@ Int = NDArray[np.int32]
 class Assembly:
     """Collects meshes, their materials and textures; `scene()` gives the whole."""
 
-    def __init__(self, settings: Settings, warnings: Warnings) -> None:
+    def __init__(self, settings: Settings, linking: Linking, warnings: Warnings) -> None:
         self.settings = settings
+        self.linking = linking
         self.warnings = warnings
         self.surfaces: list[Surface] = []
         self._parts: dict[str, list[NDArray[Any]]] = {name: [] for name in (
@@ -69,7 +72,8 @@ class Assembly:
         if binding.receives and self.settings.target == "lightmap" and self.settings.uv_layer is not None:
             lightmap_uv = read_uv(item.mesh, self.settings.uv_layer)[mesh.corner_ids[:, order]]
         surface = Surface(item.name, self._triangle_count, count, lightmap_uv, binding.receives and count > 0,
-                          density_of(item.original), corner_ids=np.ascontiguousarray(mesh.corner_ids[:, order]))
+                          density_of(item.original), corner_ids=np.ascontiguousarray(mesh.corner_ids[:, order]),
+                          links=self.linking.of(item.original))
         self.surfaces.append(surface)
         self._vertex_count += len(positions)
         self._triangle_count += count
@@ -83,6 +87,8 @@ class Assembly:
         column["emission"] = column["emission"] * np.float32(np.pi)
         # What diffuse rays don't see lights nothing.
         column["emission"] = column["emission"] * joined["seen"][:, None]
+        surfaces = tuple(surface if surface.links is None or column["emission"][surface.triangles].any()
+                         else replace(surface, links=None) for surface in self.surfaces)
         textures = tuple(self.materials.textures)
         if not textures:
             del column["uv"]
@@ -90,7 +96,7 @@ class Assembly:
             vertices=joined["vertices"], triangles=joined["triangles"], casts_shadow=joined["casts_shadow"],
             seen=joined["seen"],
             corner_normals=joined["normals"] if self._smooth else None, textures=textures,
-            material_names=tuple(self.materials.names), lights=tuple(lights), sky=sky, surfaces=tuple(self.surfaces),
+            material_names=tuple(self.materials.names), lights=tuple(lights), sky=sky, surfaces=surfaces,
             **column)
 
     def _put(self, name: str, array: NDArray[Any]) -> None:

@@ -38,7 +38,7 @@ Float = NDArray[np.floating[Any]]
 SUFFIX = ".radiosity"
 ABOUT, LAYOUT, LAYERS = "groups.json", "layout.npz", "layers_{}.npy"
 # Changes with what the files hold: older ones are as good as none.
-FORMAT = "radiosity light groups 2"
+FORMAT = "radiosity light groups 3"
 
 
 @dataclass(frozen=True, eq=False)

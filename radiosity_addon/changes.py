@@ -45,6 +45,8 @@ def _objects(old: Survey, new: Survey) -> list[str]:
             found.append(f"the mesh of object {name!r} changed")
         if old.materials[name] != new.materials[name]:
             found.append(f"object {name!r} has other materials")
+        if old.links.get(name) != new.links.get(name):
+            found.append(f"object {name!r} is linked to others (Light Linking)")
     return found
 
 
@@ -54,7 +56,7 @@ def _materials(old: Survey, new: Survey) -> list[str]:
 
 
 def _lights(old: Survey, new: Survey, groups: Sequence[Group]) -> list[str]:
-    found = [f"lamp {name!r} was moved, or its shape changed" for name, source in new.lamps.items()
+    found = [f"lamp {name!r} was moved, or its shape or linking changed" for name, source in new.lamps.items()
              if name in old.lamps and old.lamps[name].shape != source.shape]
     if old.world.shape != new.world.shape and (_shines(new.world) or _shines(old.world)):
         found.append("the world changed in more than its color and strength")

@@ -19,6 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from . import cycles
+from .compare_linking import TwinLinks
 from .compare_materials import LUMELS, REFLECTANCE, TEXTURE, TwinMaterials
 from .compare_twin import GEOMETRY, LAMPS
 
@@ -95,12 +96,12 @@ def _tell(folder: Path, stage: str, expected: float) -> None:
 
 
 class Twin:
-    """The scene in this Blender: one mesh that is baked and one that is not for each ray visibility, lamps, world."""
+    """The scene in this Blender: one mesh that is baked and one that is not for each group, lamps, world."""
 
     def __init__(self, job: dict[str, Any], folder: Path) -> None:
         self.scene = bpy.context.scene
         _empty(self.scene)
-        _place_stage(self.scene, job["stage"], folder / LAMPS)
+        lamps = _place_stage(self.scene, job["stage"], folder / LAMPS)
         with np.load(folder / GEOMETRY) as archive:
             arrays = {name: archive[name] for name in archive.files}
         baked, groups = arrays["page"] >= 0, arrays["group"].astype(int)
@@ -110,6 +111,7 @@ class Twin:
                        for group, page in np.unique(np.stack([groups, arrays["page"]], 1)[baked], axis=0).tolist()}
         self._materials = TwinMaterials(arrays, self.images)
         self.receivers = []
+        meshes = []
         for group in np.unique(groups).tolist():
             for receives in (True, False):
                 rows = np.flatnonzero((groups == group) & (baked == receives))
@@ -117,6 +119,13 @@ class Twin:
                     made = self._mesh(f"{'receivers' if receives else 'others'} {group}", arrays, rows)
                     made.visible_shadow, made.visible_diffuse = bool(group & 1), bool(group & 2)
                     self.receivers += [made] * receives
+                    meshes.append((made, group >> 2))
+        links = TwinLinks([(made, int(arrays["kind_surface"][kind])) for made, kind in meshes])
+        for made, kind in meshes:
+            links.link(made, arrays["kind_links"][kind])
+        for lamp, placed in zip(lamps, job["stage"]["lights"], strict=True):
+            if placed["links"]:
+                links.link(lamp, np.array(placed["links"]))
         # What was taken out and put in shows in the view layer only from here on.
         bpy.context.view_layer.update()
         cycles.set_up_bake(self.scene)
@@ -226,8 +235,8 @@ def _empty(scene: Any) -> None:
     scene.world = None
 
 
-def _place_stage(scene: Any, stage: dict[str, Any], path: Path) -> None:
-    """The user's lamps and world, still: as they are in the frame that is baked."""
+def _place_stage(scene: Any, stage: dict[str, Any], path: Path) -> list[Any]:
+    """The user's lamps and world, still: as they are in the frame that is baked. Returns the lamps."""
     wanted = {placed["data"] for placed in stage["lights"]}
     with bpy.data.libraries.load(str(path), link=False) as (_, into):
         into.lights = sorted(wanted)
@@ -238,13 +247,16 @@ def _place_stage(scene: Any, stage: dict[str, Any], path: Path) -> None:
         data.animation_data_clear()
         if getattr(data, "node_tree", None) is not None:
             data.node_tree.animation_data_clear()
+    lamps = []
     for placed in stage["lights"]:
         lamp = bpy.data.objects.new(placed["data"], lights[placed["data"]])
         scene.collection.objects.link(lamp)
         lamp.matrix_world = _matrix(placed["matrix"])
+        lamps.append(lamp)
     if into.worlds:
         scene.world = into.worlds[0]
         _without_volume(scene.world)
+    return lamps
 
 
 def _without_volume(world: Any) -> None:

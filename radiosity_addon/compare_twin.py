@@ -7,7 +7,7 @@ put to the test too. Everything that a diffuse bake leaves out is told by the wa
 
 from __future__ import annotations
 
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import Any
 
@@ -16,8 +16,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..solver.result import Bake
-from ..solver.scene import Scene
+from ..solver.scene import Scene, surface_of_triangle
+from .compare_linking import kinds, masks
 from .compare_score import layout_of
+from .linking import Linking
+from .visible import shown_meshes
 
 Float = NDArray[np.floating[Any]]
 
@@ -30,10 +33,12 @@ GEOMETRY, LAMPS = "twin.npz", "lamps.blend"
 
 @dataclass(frozen=True)
 class Placed:
-    """Data of a lamp or a camera at one place: its name, and the rows of its matrix to world space."""
+    """Data of a lamp or a camera at one place: its name, the rows of its matrix to world space, and what a lamp is
+    linked to (`compare_linking.masks`), empty for all."""
 
     data: str
     matrix: list[list[float]]
+    links: list[list[bool]] = field(default_factory=list)
 
 
 @dataclass(frozen=True)
@@ -62,6 +67,8 @@ def write_stage(scene: Any, depsgraph: Any, folder: Path) -> Stage:
     depsgraph : its evaluated dependency graph, as for a render.
     folder : where `LAMPS` goes.
     """
+    shown = shown_meshes(depsgraph, [])
+    linking = Linking(depsgraph, shown)
     lights, blocks = [], set()
     for instance in depsgraph.object_instances:
         lamp = instance.object
@@ -69,7 +76,9 @@ def write_stage(scene: Any, depsgraph: Any, folder: Path) -> Stage:
         if lamp.type == "LIGHT" and instance.show_self and not lamp.hide_render and lamp.visible_diffuse:
             data = lamp.original.data
             blocks.add(data)
-            lights.append(Placed(data.name, _rows(instance.matrix_world)))
+            links = linking.of(lamp)
+            lights.append(Placed(data.name, _rows(instance.matrix_world),
+                                 [] if links is None else masks(links, len(shown)).tolist()))
     camera = None
     if scene.camera is not None and scene.camera.type == "CAMERA":
         blocks.add(scene.camera.data)
@@ -90,13 +99,16 @@ def write_geometry(scene: Scene, bake: Bake, folder: Path) -> list[list[int]]:
     """Write the surfaces to `GEOMETRY`; each page's [width, height].
 
     Materials differ by emission, opacity, textures, page and group; reflectance is a colour of the mesh. A group's
-    triangles have the same ray visibility: bit 0, whether they cast shadows; bit 1, whether bounced light sees them.
+    triangles have the same ray visibility: bit 0, whether they cast shadows; bit 1, whether bounced light sees them;
+    and are of the same kind, from bit 2 on (`compare_linking.kinds`).
     """
     page, layout = layout_of(scene, bake)
     used, triangles = np.unique(scene.triangles, return_inverse=True)
     vertices = (scene.vertices[used] - scene.origin).astype(np.float32)
     emission = np.asarray(scene.emission, np.float32) / np.float32(np.pi)
-    group = _per_triangle(scene.casts_shadow, page) + 2 * _per_triangle(scene.seen, page)
+    kind, kind_surface, kind_links = kinds(scene)
+    group = (_per_triangle(scene.casts_shadow, page) + 2 * _per_triangle(scene.seen, page)
+             + 4 * _per_triangle(kind[surface_of_triangle(scene)], page))
     key = np.column_stack([emission, _per_triangle(scene.opacity, page), np.asarray(scene.reflectance_texture),
                            np.asarray(scene.emission_texture), np.asarray(scene.opacity_texture), page, group])
     materials, material = np.unique(key.astype(np.float32), axis=0, return_inverse=True)
@@ -107,6 +119,7 @@ def write_geometry(scene: Scene, bake: Bake, folder: Path) -> list[list[int]]:
     np.savez(
         folder / GEOMETRY, vertices=vertices, triangles=triangles.reshape(-1, 3).astype(np.int32),
         origin=scene.origin, normals=_bent_normals(scene), page=page, layout=layout, group=group,
+        kind_surface=kind_surface, kind_links=kind_links,
         reflectance=np.maximum(np.asarray(scene.reflectance, np.float32), np.float32(LEAST_REFLECTANCE)),
         uv=scene.uv if scene.uv is not None else np.zeros((len(page), 3, 2), np.float32),
         materials=materials, material=material.reshape(-1).astype(np.int32), **textures)

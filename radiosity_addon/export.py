@@ -24,6 +24,7 @@ from .binding import Binding
 from .giants import with_fair_shares
 from .lamp_nodes import Emissions, read_emissions
 from .lights import export_lights, lamp_data
+from .linking import Linking
 from .receiving import choose_receivers
 from .units import per_blender_unit
 from .visible import shown_meshes
@@ -102,10 +103,11 @@ def _collect(depsgraph: Any, settings: Settings, emissions: Emissions, warnings:
     if not shown:
         raise NothingToBake("a render of the scene shows no mesh with faces: add one, or make it visible in renders")
     bindings = choose_receivers(shown, settings, warnings, convert)
-    assembly = Assembly(settings, warnings)
+    linking = Linking(depsgraph, shown)
+    assembly = Assembly(settings, linking, warnings)
     for item, binding in zip(shown, bindings, strict=True):
         assembly.add(item, binding)
-    return assembly, bindings, export_lights(depsgraph, warnings, emissions)
+    return assembly, bindings, export_lights(depsgraph, linking, warnings, emissions)
 
 
 def _lit(assembly: Assembly, bindings: tuple[Binding, ...], lights: tuple[Light, ...], sky: Sky,

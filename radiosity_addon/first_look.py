@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..solver.bake import irradiance
-from ..solver.scene import Scene
+from ..solver.scene import Scene, surface_of_triangle
 from ..solver.settings import Settings
 from .look import Look, mean_colours, receiving_triangles
 
@@ -48,7 +48,8 @@ def first_look(scene: Scene, settings: Settings, progress: Callable[[str, float]
     middle = pieces[at[0]].mean(axis=1)
     points = pieces[at] + INWARD * (middle - pieces[at])
     rough = Settings(error=ERROR, passes=settings.passes, seed=settings.seed, threads=settings.threads)
-    light = irradiance(scene, rough, points, normals[parent[at[0]]], progress, cancelled) / np.pi
+    owner = surface_of_triangle(scene)[chosen[parent[at[0]]]]
+    light = irradiance(scene, rough, points, normals[parent[at[0]]], progress, cancelled, owner) / np.pi
     reflectance, glow = mean_colours(scene)
     triangle = chosen[parent]
     colour = light[place] * reflectance[triangle][:, None]

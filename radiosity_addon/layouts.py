@@ -69,6 +69,6 @@ def _part(scene: Scene, surfaces: Sequence[Surface]) -> Scene:
     rows = np.concatenate([np.arange(s.first, s.first + s.count) for s in surfaces])
     used, triangles = np.unique(scene.triangles[rows], return_inverse=True)
     starts = np.cumsum([0, *(s.count for s in surfaces)])
-    moved = tuple(replace(s, first=int(start)) for s, start in zip(surfaces, starts[:-1], strict=True))
+    moved = tuple(replace(s, first=int(start), links=None) for s, start in zip(surfaces, starts[:-1], strict=True))
     normals = None if scene.corner_normals is None else scene.corner_normals[rows]
     return Scene(scene.vertices[used], triangles.reshape(-1, 3), corner_normals=normals, surfaces=moved)

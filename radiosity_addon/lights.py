@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -11,10 +12,11 @@ from numpy.typing import NDArray
 from ..solver.area_lamp import Area
 from ..solver.lamps import Point, Sun
 from ..solver.lights import Light
+from ..solver.linking import FREE, Linked
 from ..solver.luminaire import NATURAL, Luminaire
-from ..solver.shadowless import Shadowless
 from ..solver.spot import Spot
 from .lamp_nodes import CODE, Emissions, LampEmission
+from .linking import Linking
 from .warn import Warnings, warn
 
 Float = NDArray[np.floating[Any]]
@@ -27,12 +29,14 @@ ONE_COLOUR = 1e-2
 FEW_BOUNCES = 8
 
 
-def export_lights(depsgraph: Any, warnings: Warnings, emissions: Emissions | None = None) -> tuple[Light, ...]:
+def export_lights(depsgraph: Any, linking: Linking, warnings: Warnings,
+                  emissions: Emissions | None = None) -> tuple[Light, ...]:
     """The lamps that are rendered, instances included.
 
     Parameters
     ----------
     depsgraph : evaluated bpy dependency graph.
+    linking : of the same.
     emissions : what the nodes of the lamps give, see `lamp_nodes`; None: as if they had none.
     warnings : gets a warning, with the lamp's name, for all that is not baked as Cycles renders it.
 
@@ -45,7 +49,8 @@ def export_lights(depsgraph: Any, warnings: Warnings, emissions: Emissions | Non
         lamp = instance.object
         if lamp.type != "LIGHT" or not instance.show_self or lamp.hide_render:
             continue
-        lights += _export(lamp, np.array(instance.matrix_world, np.float64), emissions or {}, warnings)
+        made = _export(lamp, np.array(instance.matrix_world, np.float64), emissions or {}, warnings)
+        lights += _linked(lamp, made, linking, warnings)
     return tuple(lights)
 
 
@@ -81,8 +86,20 @@ def _export(lamp: Any, matrix: Float, emissions: Emissions, warnings: Warnings) 
         warn(warnings, name, CODE, "its scale is 0 along an axis: it is left out, give it a scale that is not 0")
         return []
     made = [MAKERS[data.type](name, data, matrix, part, warnings) for part in _by_colour(strength, emission)]
-    lights = [_shaped(light, emission, channel, matrix) for channel, light in enumerate(made) if light is not None]
-    return lights if data.use_shadow else [Shadowless(light) for light in lights]
+    return [_shaped(light, emission, channel, matrix) for channel, light in enumerate(made) if light is not None]
+
+
+def _linked(lamp: Any, lights: list[Light], linking: Linking, warnings: Warnings) -> list[Light]:
+    """The lights of a lamp with what it reaches and what stops it."""
+    links = linking.of(lamp) or FREE
+    if lights and not np.any(links.receivers):
+        collection = lamp.light_linking.receiver_collection.name
+        warn(warnings, lamp.name, CODE, f"a render shows nothing of what it is linked to, {collection!r} (Light "
+             "Linking): it is left out")
+        return []
+    if not lamp.data.use_shadow:
+        links = replace(links, blockers=False)
+    return lights if links is FREE else [Linked(light, links) for light in lights]
 
 
 def _by_colour(strength: Float, emission: LampEmission) -> list[Float]:
@@ -162,13 +179,6 @@ def _lights_diffuse_surfaces(lamp: Any, warnings: Warnings) -> bool:
     if not lamp.visible_diffuse:
         warn(warnings, lamp.name, CODE, "it is hidden from diffuse rays (Ray Visibility): it is left out")
         return False
-    linking = lamp.light_linking
-    if linking.receiver_collection is not None:
-        warn(warnings, lamp.name, CODE, f"it is linked to the objects of {linking.receiver_collection.name!r} (Light "
-             "Linking): it is baked on all objects")
-    if linking.blocker_collection is not None:
-        warn(warnings, lamp.name, CODE, f"its shadows are linked to the objects of {linking.blocker_collection.name!r} "
-             "(Shadow Linking): all objects cast its shadows")
     bounces = getattr(getattr(lamp.data, "cycles", None), "max_bounces", None)
     if bounces is not None and bounces < FEW_BOUNCES:
         warn(warnings, lamp.name, CODE, f"its light is to end after {bounces} bounces (Max Bounces): it is baked with "

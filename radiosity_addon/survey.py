@@ -18,6 +18,7 @@ from .digest import digest
 from .knobs import knobs_of, rest_of
 from .lamp_nodes import Emissions, read_emissions
 from .lights import export_lights, lamp_data
+from .linking import Linking
 from .mesh_layers import COLOURS_MARK, UV_MARK
 from .sockets import Triple
 from .visible import Shown, shown_meshes
@@ -50,6 +51,7 @@ class Survey:
 
     places, meshes : sums by object.
     materials : names by object.
+    links : sums of what objects that glow are linked to, by object, where they are.
     lamps, surfaces, world : lights, `surfaces` by material.
     lamp_count : lamps that shine, instances counted one by one.
     """
@@ -57,6 +59,7 @@ class Survey:
     places: dict[str, str] = field(default_factory=dict)
     meshes: dict[str, str] = field(default_factory=dict)
     materials: dict[str, list[str]] = field(default_factory=dict)
+    links: dict[str, str] = field(default_factory=dict)
     lamps: dict[str, Source] = field(default_factory=dict)
     surfaces: dict[str, Source] = field(default_factory=dict)
     world: Source = field(default_factory=lambda: Source("nothing", {}))
@@ -77,8 +80,8 @@ class Survey:
             return Source(entry["shape"], {name: tuple(rgb) for name, rgb in entry["strengths"].items()})
 
         lights = {word: {name: source(entry) for name, entry in kept[word].items()} for word in ("lamps", "surfaces")}
-        return cls(kept["places"], kept["meshes"], kept["materials"], **lights, world=source(kept["world"]),
-                   lamp_count=kept["lamp_count"])
+        return cls(kept["places"], kept["meshes"], kept["materials"], kept["links"], **lights,
+                   world=source(kept["world"]), lamp_count=kept["lamp_count"])
 
 
 def survey(scene: Any, view_layer: Any) -> Survey:
@@ -97,10 +100,12 @@ def survey(scene: Any, view_layer: Any) -> Survey:
 
 def _look(depsgraph: Any, emissions: Emissions, world: Source) -> Survey:
     unheard: Warnings = []
-    lamps = export_lights(depsgraph, unheard, emissions)
+    shown = shown_meshes(depsgraph, unheard)
+    linking = Linking(depsgraph, shown)
+    lamps = export_lights(depsgraph, linking, unheard, emissions)
     found = Survey(lamps=_lamps(lamps), world=world, lamp_count=len(lamps))
     known: dict[int, str] = {}
-    for item in shown_meshes(depsgraph, unheard):
+    for item in shown:
         found.places[item.name] = digest(np.round(item.matrix, 9))
         pointer = item.mesh.as_pointer()
         if pointer not in known:
@@ -108,6 +113,9 @@ def _look(depsgraph: Any, emissions: Emissions, world: Source) -> Survey:
         found.meshes[item.name] = known[pointer]
         found.materials[item.name] = [material.name_full if material is not None else "" for material in item.materials]
         _add_materials(item, found)
+        links = linking.of(item.original)
+        if links is not None:
+            found.links[item.name] = digest(links)
     return found
 
 

@@ -23,6 +23,7 @@ class Shown:
     name : unique; the object's, or `instancer:object`, with `#2` and so on for further ones.
     original : the original bpy object.
     instancer : name of the object that shows it as an instance, or "".
+    parent : the original bpy object that shows it as an instance, itself if it was made on the way, or None.
     mesh : the evaluated bpy mesh.
     matrix : (4, 4) float64 to world space.
     materials : of its slots; None for an empty slot.
@@ -33,6 +34,7 @@ class Shown:
     name: str
     original: Any
     instancer: str
+    parent: Any
     mesh: Any
     matrix: NDArray[np.float64]
     materials: tuple[Any, ...]
@@ -71,6 +73,6 @@ def shown_meshes(depsgraph: Any, warnings: Warnings) -> list[Shown]:
             warn(warnings, original.name, "visibility", "casts no shadow of lamps, as it is set (Ray Visibility); "
                  "light of the sky, but for its suns, it stops all the same")
         materials = tuple(slot.material for slot in item.material_slots)
-        shown.append(Shown(name, original, instancer, item.data, matrix, materials, random_of(instance),
+        shown.append(Shown(name, original, instancer, parent, item.data, matrix, materials, random_of(instance),
                            not made_on_the_way))
     return shown

@@ -12,6 +12,8 @@ import pytest
 from radiosity.radiosity_addon import compat
 from radiosity.radiosity_addon.lamp_nodes import read_emissions
 from radiosity.radiosity_addon.lights import export_lights, lamp_data
+from radiosity.radiosity_addon.linking import Linking
+from radiosity.radiosity_addon.visible import shown_meshes
 from radiosity.solver.direct import DirectLight
 from radiosity.solver.footprints import ReceiverFootprints
 from radiosity.solver.geometry import Geometry
@@ -98,12 +100,12 @@ def lamp(kind, location=(0, 0.3, 2), rotation=(0, 0, 0), scale=(1, 1, 1), **sett
     return made
 
 
-def cycles_irradiance(passes=("DIRECT",)):
+def cycles_irradiance(passes=("DIRECT",), samples=SAMPLES):
     """(2, 56, 3): irradiance of the open and the shaded lumels by Cycles."""
     scene, receiver = bpy.context.scene, bpy.data.objects["Receiver"]
     scene.render.engine = "CYCLES"
     scene.cycles.device = "CPU"
-    scene.cycles.samples = SAMPLES
+    scene.cycles.samples = samples
     scene.cycles.use_adaptive_sampling = scene.cycles.use_denoising = False
     scene.cycles.sample_clamp_direct = scene.cycles.sample_clamp_indirect = 0
     # Blue noise ties the errors of neighbours together: means over a few lumels are then worse.
@@ -207,7 +209,9 @@ def assert_agree(lights):
 def _export():
     warnings = []
     emissions = read_emissions(lamp_data(bpy.context.scene), warnings)
-    return export_lights(bpy.context.evaluated_depsgraph_get(), warnings, emissions), warnings
+    depsgraph = bpy.context.evaluated_depsgraph_get()
+    linking = Linking(depsgraph, shown_meshes(depsgraph, warnings))
+    return export_lights(depsgraph, linking, warnings, emissions), warnings
 
 
 def exported():

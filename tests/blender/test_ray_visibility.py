@@ -1,4 +1,4 @@
-"""What ray visibility and linking of lamps do, against Cycles (see `stage`)."""
+"""What ray visibility does, against Cycles (see `stage`)."""
 
 import bpy
 import numpy as np
@@ -30,15 +30,6 @@ def test_a_lamp_without_shadows_shines_through_the_plate(stage, kind, settings):
     assert ours.mean(axis=1) == pytest.approx(cycles.mean(axis=1), rel=TOLERANCE)
     bulb.data.use_shadow = True
     assert cycles_irradiance()[1].mean() < 0.9 * cycles[1].mean()
-
-
-@pytest.mark.parametrize(("collection", "word"), [("receiver_collection", "Light Linking"),
-                                                 ("blocker_collection", "Shadow Linking")])
-def test_a_lamp_that_is_linked_is_told_of_with_its_collection(stage, collection, word):
-    setattr(lamp("POINT", energy=5).light_linking, collection, bpy.data.collections.new("Some"))
-    message = warned()[1]
-    assert word in message
-    assert "'Some'" in message
 
 
 def test_a_lamp_of_few_bounces_is_told_of(stage):

@@ -132,6 +132,14 @@ def test_emission_and_world_are_groups_of_their_own(stage):
     assert pixels() == pytest.approx(np.tile([2 + math.pi, 2, 2], (len(pixels()), 1)), rel=0.02)
 
 
+def without(item: Any) -> Any:
+    """A linking collection that excludes an object."""
+    made = bpy.data.collections.new("Linked")
+    made.objects.link(item)
+    made.collection_objects[0].light_linking.link_state = "EXCLUDE"
+    return made
+
+
 def change(stage: Any, what: str) -> None:
     square = bpy.data.objects["Square"]
     if what == "moved":
@@ -151,6 +159,10 @@ def change(stage: Any, what: str) -> None:
         bpy.data.objects["Sun"].rotation_euler.x = 0.2
     elif what == "lamp shape":
         lamp().angle = 0.3
+    elif what == "lamp linked":
+        bpy.data.objects["Sun"].light_linking.blocker_collection = without(square)
+    elif what == "linked":
+        square.light_linking.blocker_collection = without(square)
     elif what == "lamp new":
         stage.object("Late", bpy.data.lights.new("Late", "POINT"))
     elif what == "emission":
@@ -166,8 +178,10 @@ def change(stage: Any, what: str) -> None:
     ("new", "object 'Other' is new"),
     ("color", "material 'Square paint' reflects otherwise"),
     ("material", "object 'Square' has other materials"),
-    ("lamp moved", "lamp 'Sun' was moved, or its shape changed"),
-    ("lamp shape", "lamp 'Sun' was moved, or its shape changed"),
+    ("lamp moved", "lamp 'Sun' was moved, or its shape or linking changed"),
+    ("lamp shape", "lamp 'Sun' was moved, or its shape or linking changed"),
+    ("lamp linked", "lamp 'Sun' was moved, or its shape or linking changed"),
+    ("linked", "object 'Square' is linked to others"),
     ("lamp new", "lamp 'Late' gave no light at the bake"),
     ("emission", "material 'Square paint' gave no light at the bake"),
     ("world", "world 'World' gave no light at the bake"),
