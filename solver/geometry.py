@@ -71,7 +71,8 @@ class Geometry:
         return surface_of_triangle(self.scene)
 
     def shadows_of(self, blockers: NDArray[np.bool_]) -> Visibility:
-        """Shadow rays that some surfaces only stop: (s,) bool, or one for all. Not for several threads at once."""
+        """Shadow rays that some surfaces only stop: (s,) bool, or one for all. Made when first asked for, so then not
+        by several threads."""
         if blockers.all():
             return self.visibility
         key = blockers.tobytes()

@@ -61,7 +61,7 @@ def nested(include: Any = (), exclude: Any = ()) -> str:
     """The name of a collection in a collection of nothing else."""
     outer = bpy.data.collections.new("Outer")
     outer.children.link(collection(include, exclude))
-    return outer.name
+    return str(outer.name)
 
 
 def exported() -> tuple[solver.Scene, list[str]]:
