@@ -75,9 +75,9 @@ def ours(passes: str = "both") -> Any:
     """(2, 3) mean irradiance of the open and of the shaded lumels."""
     scene, told = exported()
     assert told == []
-    points = np.concatenate([footprint_points(left)[:, :8].reshape(-1, 3) for left in (OPEN_X, SHADED_X)])
+    points = np.concatenate([footprint_points(left)[:, :16].reshape(-1, 3) for left in (OPEN_X, SHADED_X)])
     surface = [item.name for item in scene.surfaces].index("Receiver")
-    value = solver.irradiance(scene, solver.Settings(error=0.01, passes=passes), points,
+    value = solver.irradiance(scene, solver.Settings(error=0.03, passes=passes), points,
                               np.tile(np.float32([0, 0, 1]), (len(points), 1)),
                               surfaces=np.full(len(points), surface))
     return value.reshape(2, -1, 3).mean(axis=1)
