@@ -13,10 +13,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from .lumels import charts_of_triangles, surface_of_triangle
+from .lumels import charts_of_triangles
 from .parallel import slices
 from .receivers import Lumels
-from .scene import Scene
+from .scene import Scene, surface_of_triangle
 from .seam_samples import SeamSamples, layout_of
 
 Float = NDArray[np.floating[Any]]
