@@ -19,6 +19,7 @@ from .form_factor import Estimate, element_form_factor, form_factor
 from .groups import LightGroup
 from .lights import Light
 from .merl import read_merl
+from .relight import relight
 from .result import Bake, Lightmap, Solution
 from .scene import Scene, Sky, Surface, Texture
 from .settings import Settings
@@ -27,5 +28,5 @@ __all__ = [
     "Bake", "Blinn", "Cancelled", "Estimate", "Lambert", "Light", "LightGroup", "Lightmap", "NothingToBake",
     "OutputError", "Phong", "RadiosityError", "Scene", "SceneError", "Settings", "SettingsError", "Sky",
     "Solution", "Surface", "Texture", "UnwrapError", "bake", "diffuse_equivalent", "element_form_factor",
-    "form_factor", "irradiance", "read_merl", "solve",
+    "form_factor", "irradiance", "read_merl", "relight", "solve",
 ]

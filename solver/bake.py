@@ -42,6 +42,8 @@ from .lumels import lumels as lay_out
 from .neighbours import Neighbours
 from .parallel import Run
 from .patches import Patches
+from .path_keeper import PathKeeper, rays_kept
+from .paths import Paths
 from .plan import AUDIT_LUMELS, audit_paths, plan
 from .probes import free_receivers, probes, triangle_middles
 from .quantities import encode
@@ -86,8 +88,10 @@ class _Work:
     """A scene on its way through the steps above."""
 
     def __init__(self, scene: Scene, settings: Settings, progress: Progress | None,
-                 cancelled: Callable[[], bool] | None, groups: Sequence[LightGroup] = ()) -> None:
-        self.scene, self.settings = scene, settings
+                 cancelled: Callable[[], bool] | None, groups: Sequence[LightGroup] = (), *,
+                 keep_paths: bool = False) -> None:
+        self.scene, self.settings, self._keep_paths = scene, settings, keep_paths
+        self.paths: Paths | None = None
         self.run = Run(settings.thread_count, progress, cancelled)
         self.stages = Stages(self.run)
         self.warnings: list[dict[str, Any]] = []
@@ -174,7 +178,9 @@ class _Work:
         seed = self.settings.seed
         self.transported = self.transport(receivers, places)
         with self.stages("gather"):
+            self.transported.keeper = keeper = self._keeper(len(receivers))
             gathered = gather_adaptively(self.transported, self.fans, self.plan, self.lamps, seed, near, self.run)
+            self.paths = keeper.paths(self.transported) if keeper is not None else None
         with self.stages("direct"):
             level = self.lamps + float(gathered.first.mean() + gathered.bounced.mean())
             self.expected = self.plan.expected_error(gathered.error / max(level, 1e-30))
@@ -182,6 +188,17 @@ class _Work:
                                     neighbours=near.at(1) if near else None)
             self.apart = gathered.apart if self.settings.passes == "indirect" else gathered.apart + lit[:, 3:]
         return gathered.first + lit[:, :3], gathered.bounced
+
+    def _keeper(self, receivers: int) -> PathKeeper | None:
+        """What takes down the paths, if they are to be kept and are not too many."""
+        traced = self.plan.gather_rays // 2
+        if not self._keep_paths or self.settings.passes == "direct":
+            return None
+        if not rays_kept(receivers, traced):
+            self.warnings.append({"object": "", "code": "no_paths", "message": f"what new reflectances would need of "
+                                  f"{receivers} receivers is too large to be kept: they will need another bake"})
+            return None
+        return PathKeeper(receivers, traced)
 
     def _lamp_level(self, receivers: Receivers) -> float:
         """The mean of the lamps' light over a sample of the receivers, W/m2."""
@@ -216,7 +233,7 @@ class _Work:
 
 def bake(scene: Scene, settings: Settings, progress: Progress | None = None,
          cancelled: Callable[[], bool] | None = None, groups: Sequence[LightGroup] = (),
-         layout: Layout | None = None) -> Bake:
+         layout: Layout | None = None, *, keep_paths: bool = False) -> Bake:
     """Bake a scene: the whole way of the light.
 
     Parameters
@@ -226,6 +243,7 @@ def bake(scene: Scene, settings: Settings, progress: Progress | None = None,
     cancelled : asked now and then whether to stop.
     groups : lights to be kept apart; the result is the same, and the groups add up to it.
     layout : where the light goes, from `make_layout` for these settings; None makes it.
+    keep_paths : keep what other reflectances need, so that `relight` can follow them; the result is the same.
 
     Returns
     -------
@@ -237,7 +255,7 @@ def bake(scene: Scene, settings: Settings, progress: Progress | None = None,
     NothingToBake, UnwrapError, SceneError, Cancelled
         See `solver.errors`.
     """
-    work = _Work(scene, settings, progress, cancelled, groups)
+    work = _Work(scene, settings, progress, cancelled, groups, keep_paths=keep_paths)
     if settings.target == "vertex":
         return _bake_vertices(work)
     with work.stages("lumels"):
@@ -258,7 +276,7 @@ def bake(scene: Scene, settings: Settings, progress: Progress | None = None,
         lightmaps = tuple(Lightmap(page.name, pixels, tuple(name for name, place in placed if place == number))
                           for number, (page, pixels) in enumerate(zip(lumels.pages, images, strict=True)))
     return Bake(lightmaps, lumels.uv, lumels.page_of_surface, None, _report(work, len(lumels)), layers,
-                patch_table(work.transported))
+                patch_table(work.transported), work.paths)
 
 
 def _bake_vertices(work: _Work) -> Bake:
@@ -272,7 +290,7 @@ def _bake_vertices(work: _Work) -> Bake:
         layers = group_light(work.split, work.apart, work.settings.quantity, albedo, lambda light: fit(light, values))
     nowhere = np.full(len(work.scene.surfaces), -1, np.int32)
     return Bake((), tuple(None for _ in work.scene.surfaces), nowhere, colours, _report(work, len(receivers)),
-                layers, patch_table(work.transported))
+                layers, patch_table(work.transported), work.paths)
 
 
 def solve(scene: Scene, settings: Settings) -> Solution:

@@ -101,7 +101,7 @@ class _Rays:
     met: Met  # what they met last,
     carried: Float  # and the reflectance so far, (going, 3)
     value: Float  # (n * rays, 4) radiosity brought so far
-    trail: list[Leg] = field(default_factory=list)  # where it came from, if light groups are kept apart
+    trail: list[Leg] = field(default_factory=list)  # where it came from, if somebody asks for it
 
 
 class Gather:
@@ -138,6 +138,9 @@ class Gather:
                 self.transport.late(LATE_RAYS)
                 step = _Step(self.transport, bounce)
                 run.map(step.follow, traced)
+            if self.transport.keeper is not None:
+                for rays in traced:
+                    self.transport.keeper.take(rays.look, rays.lit, rays.trail)
             for (look, _), light in zip(pieces[part], run.map(self._collect, traced), strict=True):
                 found[look].append(light)
             run.report((number + 1) / len(passes))
@@ -234,7 +237,7 @@ class _Step:
             rays.carried = rays.carried[near] * reflectance * factor
         rays.going = rays.going[near]
         self._trace_on(rays, near)
-        if transport.split is not None:
+        if transport.split is not None or transport.keeper is not None:
             missed = rays.met.missed
             rays.trail.append(Leg(going, carried, cell, near, factor, rays.going[missed], rays.carried[missed],
                                   rays.met.sky))

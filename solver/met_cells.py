@@ -49,6 +49,10 @@ class MetCells:
         """(n, 3) direct irradiance of lamps, W/m2."""
         return self._incident.values[:, :3]
 
+    def incident_of(self, group: int) -> Float:
+        """(n, 3) the same of a light group."""
+        return self._incident.values[:, 3 * group + 3:3 * group + 6]
+
     @property
     def emission(self) -> Float:
         """(n, 3) radiant exitance that no lamp stands for, W/m2."""

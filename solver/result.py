@@ -20,6 +20,7 @@ from .geometry import Geometry
 from .groups import GroupLight
 from .linear import LinearResult
 from .parallel import Run
+from .paths import Paths
 from .scene import Scene
 from .settings import Settings
 
@@ -51,6 +52,7 @@ class Bake:
     report : what report.json holds, as far as the solver knows it.
     groups : the light groups' images or corner colours, each as `lightmaps` or `corner_colours` (see `solver.groups`).
     patches : figures of each patch (see `solver.closure`).
+    paths : what other reflectances need (see `solver.paths`); None if it was not to be kept, or would be too large.
     """
 
     lightmaps: tuple[Lightmap, ...]
@@ -60,6 +62,7 @@ class Bake:
     report: dict[str, Any]
     groups: GroupLight = field(default_factory=lambda: GroupLight({}, {}))
     patches: PatchTable | None = None
+    paths: Paths | None = None
 
 
 @dataclass(frozen=True, eq=False)

@@ -8,7 +8,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import partial
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,15 +18,19 @@ from .cells import NOTHING, Cells
 from .direct import DirectLight
 from .geometry import Geometry
 from .growing import Growing
-from .linear import LinearResult, solve_linear
+from .linear import LinearResult
 from .met_cells import MetCells
 from .parallel import Run, shares, slices
 from .patches import Patches
+from .row_system import solve_rows
 from .rows import Rows
 from .sampling import cosine_directions, kronecker, shifted, shifts
 from .seen import Seen
-from .tables import mean_of_hits, padded
+from .tables import padded
 from .visibility import Hits
+
+if TYPE_CHECKING:
+    from .path_keeper import PathKeeper
 
 Float = NDArray[np.floating[Any]]
 Int = NDArray[np.integer[Any]]
@@ -70,6 +74,8 @@ class Transport:
     met : what is known of the cells that rays have met.
     irradiance : (patches, 3) float32, indirect irradiance H of each patch with the sky's in it; nan where unsolved.
     apart : (groups, patches, 3) float32, the same of each light group, after `solve_apart`.
+    rows, late_rows : form factors of the patches that were solved, and of those that were met afterwards.
+    keeper : takes down the ways of gather rays, if given.
     """
 
     # What `_unsettle` forgets.
@@ -82,12 +88,14 @@ class Transport:
                  patches: Patches, seed: int, run: Run) -> None:
         self.geometry, self.cells, self.patches = geometry, cells, patches
         self.met = MetCells(geometry, direct, sampled_emitter, cells, seed, run)
-        self._seed, self._run = seed, run
+        self._seed, self.run = seed, run
         self._cell_patch = Growing((), np.int32)
         self.irradiance = np.empty((0, 3), np.float32)
         self.split = direct.split
         self.apart = np.empty((0 if self.split is None else len(self.split), 0, 3), np.float32)
         self.rows: list[Rows] = []
+        self.late_rows: list[Rows] = []
+        self.keeper: PathKeeper | None = None
         # Patches below `_solved` were there at the last solve; `_unsolved` of them have cells and no row.
         self._solved, self._unsolved = 0, np.empty(0, np.int64)
         self._unsettle()
@@ -147,7 +155,7 @@ class Transport:
     def trace(self, origins: Float, directions: Float) -> Met:
         """What rays meet."""
         hits = self.geometry.visibility.hits(origins, directions)
-        self._run.count(len(origins))
+        self.run.count(len(origins))
         sides = self.cells.sides(hits.triangle, hits.u, hits.v, hits.front)
         if self.geometry.scene.sky.is_black:
             return Met(hits, sides, np.empty(0, np.int64), np.empty((0, 3), np.float32))
@@ -208,7 +216,7 @@ class Transport:
         for part in slices(len(patches), max(1, 2**22 // rays)):
             these = patches[part]
             start = partial(self._row_rays, these, rays, *self._members(these))
-            pieces = self._run.map(start, shares(len(these), max(1, CHUNK_RAYS // rays), LEAST_RAYS // rays))
+            pieces = self.run.map(start, shares(len(these), max(1, CHUNK_RAYS // rays), LEAST_RAYS // rays))
             sides = np.concatenate([piece[0] for piece in pieces])
             self.meet([piece[3] for piece in pieces])
             hits = self.cells.rows(sides.reshape(-1)).reshape(sides.shape)
@@ -263,7 +271,7 @@ class Transport:
             if not wanted.any():
                 break
             self.rows += self.trace_rows(np.flatnonzero(wanted).astype(np.int32), rays)
-            self._run.report((wave + 1) / MOST_WAVES)
+            self.run.report((wave + 1) / MOST_WAVES)
 
     def refine(self, tolerance: float, weight: Float) -> int:
         """Split the patches inside which the solution varies; return how many.
@@ -303,22 +311,8 @@ class Transport:
 
     def _solved_for(self, direct: Float, sky: Callable[[Rows], Float], tolerance: float) -> LinearResult:
         """H of patches for the direct radiosity of cells (cells, 3) and the sky's irradiance of rows."""
-        count = len(self.patches)
-        source = np.zeros((count, 3), np.float32)
-        table = padded(direct)
-        for rows in self.rows:
-            source[rows.patch] = sky(rows) + mean_of_hits(table, rows.hits, self._run)
-        reflectance = padded(self.cell_reflectance)
-        patch = np.append(self.cell_patch, 0)
-
-        def apply(irradiance: Float) -> Float:
-            out = np.zeros((count, 3), np.float32)
-            reflected = reflectance * np.take(padded(irradiance), patch, axis=0)
-            for rows in self.rows:
-                out[rows.patch] = mean_of_hits(reflected, rows.hits, self._run)
-            return out
-
-        return solve_linear(apply, source, tolerance, self._run.check)
+        return solve_rows(self.rows, sky, direct, self.cell_reflectance, self.cell_patch, len(self.patches), tolerance,
+                          self.run)
 
     def solve_apart(self, tolerance: float) -> None:
         """Solve for each light group, after the last `solve`, to the same relative residual of its own."""
@@ -340,7 +334,9 @@ class Transport:
         fresh = np.flatnonzero(np.isnan(self.irradiance[self._solved:, 0])) + self._solved
         unknown = np.concatenate([self._unsolved, fresh]).astype(np.int32)
         self._unsolved = np.empty(0, np.int64)
-        for rows in self.trace_rows(unknown, rays):
+        late = self.trace_rows(unknown, rays)
+        self.late_rows += late
+        for rows in late:
             seen = rows.hits.reshape(-1)
             irradiance = self.irradiance[self.cell_patch[seen]]
             met = (seen != NOTHING)[:, None]

@@ -1,0 +1,49 @@
+"""The radiosity system of patches whose form factors are rows of ray hits: H = q + F (rho H)."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .linear import LinearResult, solve_linear
+from .parallel import Run
+from .rows import Rows
+from .tables import mean_of_hits, padded
+
+Float = NDArray[np.floating[Any]]
+
+
+def solve_rows(rows: Sequence[Rows], sky: Callable[[Rows], Float], direct: Float, reflectance: Float,
+               patch: NDArray[np.int32], count: int, tolerance: float, run: Run) -> LinearResult:
+    """The indirect irradiance of patches, the sky's light in it.
+
+    Parameters
+    ----------
+    rows : of the patches; those without a row get nothing.
+    sky : (p, 3) irradiance of rows from the sky, W/m2.
+    direct, reflectance, patch : of every cell, (cells, 3) radiosity that does not come from patches, W/m2, (cells, 3),
+        and (cells,) its patch.
+    count : of the patches.
+    tolerance : relative residual.
+
+    Returns
+    -------
+    LinearResult, its value (count, 3) W/m2.
+    """
+    source = np.zeros((count, 3), np.float32)
+    table = padded(direct)
+    for some in rows:
+        source[some.patch] = sky(some) + mean_of_hits(table, some.hits, run)
+    factor, place = padded(reflectance), np.append(patch, 0)
+
+    def apply(irradiance: Float) -> Float:
+        out = np.zeros((count, 3), np.float32)
+        reflected = factor * np.take(padded(irradiance), place, axis=0)
+        for some in rows:
+            out[some.patch] = mean_of_hits(reflected, some.hits, run)
+        return out
+
+    return solve_linear(apply, source, tolerance, run.check)
