@@ -5,6 +5,7 @@ One folder a Blender scene, `NAME.radiosity`:
     groups.json    what the light depends on, the groups, what was baked
     layers_N.npy   (groups, height, width, 3) half floats of image N; for vertex colours (groups, triangles, 3, 3)
     layout.npz     UV maps and corners, with which images can be put on meshes anew
+    paths_*.npy    what other reflectances need (see `solver.paths`), where they are to be followed
 """
 
 from __future__ import annotations
@@ -23,7 +24,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..solver.errors import OutputError
+from ..solver.groups import GroupLight
 from ..solver.mixing import Layer
+from ..solver.paths import Paths
 from ..solver.result import Bake, Lightmap
 from ..solver.scene import Surface
 from ..solver.settings import Settings
@@ -34,9 +37,13 @@ from .light_groups import Group, Member
 from .survey import Survey
 
 Float = NDArray[np.floating[Any]]
+# Layers of all groups, of one page or object.
+Stack = tuple[Layer, ...]
 
 SUFFIX = ".radiosity"
-ABOUT, LAYOUT, LAYERS = "groups.json", "layout.npz", "layers_{}.npy"
+ABOUT, LAYOUT, LAYERS, PATHS = "groups.json", "layout.npz", "layers_{}.npy", "paths_{}.npy"
+# Arrays of more bytes are left on disk until they are used.
+LARGE = 2**20
 # Changes with what the files hold: older ones are as good as none.
 FORMAT = "radiosity light groups 3"
 
@@ -49,8 +56,7 @@ class Kept:
     groups : in the order of the layers.
     settings : of the bake.
     surfaces, bindings : of the exported scene, in the same order.
-    bake : the bake without pixels: its pages' arrays are empty.
-    stacks : for every page the groups' layers; one entry for all corners of target "vertex".
+    bake : the bake without pixels: its pages' and objects' arrays are empty. Its groups' layers are `mixing.Layer`.
     """
 
     folder: Path
@@ -60,7 +66,6 @@ class Kept:
     surfaces: tuple[Surface, ...]
     bindings: tuple[Binding, ...]
     bake: Bake
-    stacks: tuple[tuple[Layer, ...], ...]
 
 
 def places(output: Path | None, scene_name: str) -> list[Path]:
@@ -98,6 +103,8 @@ def keep(folder: Path, bake: Bake, groups: Sequence[Group], seen: Survey, settin
         beside.mkdir(parents=True)
         scales = _write_layers(beside, bake, groups)
         _write_layout(beside, bake, surfaces)
+        for name, array in (bake.paths.as_arrays() if bake.paths is not None else {}).items():
+            np.save(beside / PATHS.format(name), array)
         about = {
             "format": FORMAT, "seen": seen.as_dict(), "groups": [asdict(group) for group in groups],
             "settings": {**settings.as_dict(), "atlas": settings.atlas}, "bindings": [asdict(one) for one in bindings],
@@ -144,6 +151,11 @@ def is_kept(folder: Path) -> bool:
     return (folder / ABOUT).is_file()
 
 
+def follows_colours(folder: Path) -> bool:
+    """Whether what other reflectances need is kept there."""
+    return (folder / PATHS.format("shape")).is_file()
+
+
 def size(folder: Path) -> int:
     """Bytes on disk."""
     return sum(path.stat().st_size for path in _files(folder))
@@ -163,7 +175,7 @@ def _files(folder: Path) -> list[Path]:
     if not is_kept(folder):
         return []
     # What says that they are ours goes last.
-    return [*folder.glob(LAYERS.format("*")), *folder.glob(LAYOUT), folder / ABOUT]
+    return [*folder.glob(LAYERS.format("*")), *folder.glob(PATHS.format("*")), *folder.glob(LAYOUT), folder / ABOUT]
 
 
 def _damaged(folder: Path, cause: Exception) -> OutputError:
@@ -204,24 +216,51 @@ def _kept(folder: Path, about: dict[str, Any]) -> Kept:
                                 corner_ids=arrays["corners"][first:first + entry["count"]]))
     nothing = np.empty((0, 0, 3), np.float32)
     coloured = arrays["coloured"]
+    stacks: list[Stack | None] = [_stack(folder / LAYERS.format(number), scales)
+                                  for number, scales in enumerate(about["scales"])]
+    if coloured.any() and stacks[0] is not None:
+        stacks = _by_surface(stacks[0], surfaces, coloured)
+    names = [entry["name"] for entry in about["groups"]]
+    layers = {name: tuple(None if stack is None else stack[number] for stack in stacks)
+              for number, name in enumerate(names)}
     bake = Bake(tuple(Lightmap(page["name"], nothing, tuple(page["surfaces"])) for page in about["pages"]),
                 tuple(arrays["uv"][surface.triangles] if there else None
                       for surface, there in zip(surfaces, arrays["laid_out"], strict=True)), arrays["page_of_surface"],
                 tuple(nothing if there else None for there in coloured) if coloured.any() else None,
-                about["report"])
-    stacks = tuple(_stack(folder / LAYERS.format(number), scales) for number, scales in enumerate(about["scales"]))
+                about["report"], GroupLight(layers, {name: np.ones(3, np.float32) for name in names}),
+                paths=_paths(folder))
     groups = tuple(Group(entry["name"], tuple(_member(one) for one in entry["members"]), tuple(entry["tint"]))
                    for entry in about["groups"])
     settings = Settings(**{**about["settings"], "only": tuple(about["settings"]["only"])})
     bindings = tuple(Binding(**entry) for entry in about["bindings"])
-    return Kept(folder, Survey.of_dict(about["seen"]), groups, settings, tuple(surfaces), bindings, bake, stacks)
+    return Kept(folder, Survey.of_dict(about["seen"]), groups, settings, tuple(surfaces), bindings, bake)
 
 
-def _stack(path: Path, scales: Sequence[float]) -> tuple[Layer, ...]:
+def _stack(path: Path, scales: Sequence[float]) -> Stack:
     bits = np.load(path, mmap_mode="r")
     if len(bits) != len(scales) or bits.dtype != np.int16:
         raise ValueError(f"{path.name} does not fit the groups")
     return tuple(Layer(layer, scale) for layer, scale in zip(bits, scales, strict=True))
+
+
+def _by_surface(stack: Stack, surfaces: Sequence[Surface], coloured: NDArray[np.bool_]) -> list[Stack | None]:
+    """The layers of all corners, object by object; None for one that has none."""
+    parts: list[Stack | None] = []
+    first = 0
+    for surface, there in zip(surfaces, coloured, strict=True):
+        last = first + surface.count * int(there)
+        parts.append(tuple(Layer(layer.bits[first:last], layer.scale) for layer in stack) if there else None)
+        first = last
+    return parts
+
+
+def _paths(folder: Path) -> Paths | None:
+    """What other reflectances need, if it was kept; large arrays are read from disk when they are used."""
+    if not follows_colours(folder):
+        return None
+    files = {path.stem.removeprefix("paths_"): path for path in folder.glob(PATHS.format("*"))}
+    return Paths.of_arrays({name: np.load(path, mmap_mode="r" if path.stat().st_size > LARGE else None)
+                            for name, path in files.items()})
 
 
 def _member(entry: dict[str, Any]) -> Member:

@@ -15,9 +15,17 @@ TOLD = 3
 SAME = 1e-6
 
 
-def changes(old: Survey, new: Survey, groups: Sequence[Group]) -> list[str]:
-    """One line for every change that kept light can't follow, the gravest first."""
-    return [*_objects(old, new), *_materials(old, new), *_lights(old, new, groups)]
+def changes(old: Survey, new: Survey, groups: Sequence[Group], *, follows: bool) -> list[str]:
+    """One line for every change that kept light can't follow, the gravest first.
+
+    follows : whether enough is kept to follow other reflectances.
+    """
+    return [*_objects(old, new, follows), *_materials(old, new, follows), *_lights(old, new, groups)]
+
+
+def reflect_otherwise(old: Survey, new: Survey) -> list[str]:
+    """Names of the materials whose reflectance may have changed, and of objects that have other materials."""
+    return [*_other_shapes(old, new), *_other_materials(old, new)]
 
 
 def refuse(found: Sequence[str]) -> None:
@@ -33,7 +41,7 @@ def refuse(found: Sequence[str]) -> None:
         raise RadiosityError(f"{'; '.join(found[:TOLD])}{more}: the kept light does not hold any more, bake again")
 
 
-def _objects(old: Survey, new: Survey) -> list[str]:
+def _objects(old: Survey, new: Survey, follows: bool) -> list[str]:
     found = [f"object {name!r} was removed or hidden" for name in old.places if name not in new.places]
     found += [f"object {name!r} is new" for name in new.places if name not in old.places]
     for name in old.places:
@@ -43,16 +51,35 @@ def _objects(old: Survey, new: Survey) -> list[str]:
             found.append(f"object {name!r} was moved")
         if old.meshes[name] != new.meshes[name]:
             found.append(f"the mesh of object {name!r} changed")
-        if old.materials[name] != new.materials[name]:
+    for name in _other_materials(old, new):
+        shown = [survey.surfaces[material] for survey in (old, new) for material in survey.materials[name] if material]
+        if not follows or any(_shines(source) for source in shown):
             found.append(f"object {name!r} has other materials")
         if old.links.get(name) != new.links.get(name):
             found.append(f"object {name!r} is linked to others (Light Linking)")
     return found
 
 
-def _materials(old: Survey, new: Survey) -> list[str]:
-    return [f"material {name!r} reflects otherwise" for name, source in old.surfaces.items()
+def _other_materials(old: Survey, new: Survey) -> list[str]:
+    """Objects in both whose materials are others."""
+    return [name for name, materials in old.materials.items()
+            if name in new.materials and new.materials[name] != materials]
+
+
+def _other_shapes(old: Survey, new: Survey) -> list[str]:
+    """Materials in both that differ in more than the strength of their emission."""
+    return [name for name, source in old.surfaces.items()
             if name in new.surfaces and new.surfaces[name].shape != source.shape]
+
+
+def _materials(old: Survey, new: Survey, follows: bool) -> list[str]:
+    found = []
+    for name in _other_shapes(old, new):
+        if not follows:
+            found.append(f"material {name!r} reflects otherwise")
+        elif _shines(old.surfaces[name]) or _shines(new.surfaces[name]):
+            found.append(f"material {name!r} gives light, and changed in more than its color and strength")
+    return found
 
 
 def _lights(old: Survey, new: Survey, groups: Sequence[Group]) -> list[str]:

@@ -36,8 +36,8 @@ def build_parser(*, blend: bool = True) -> argparse.ArgumentParser:
     parser = _Parser(prog=PROGRAM, description="Radiosity lightmaps for Blender scenes.", allow_abbrev=False)
     commands = parser.add_subparsers(dest="command", required=True, metavar="COMMAND", parser_class=_Parser)
     bake = commands.add_parser("bake", help="bake lightmaps or vertex colours", allow_abbrev=False)
-    relight = commands.add_parser("relight", help="new lamp strengths and colours into baked images, without a bake",
-                                  allow_abbrev=False)
+    relight = commands.add_parser("relight", allow_abbrev=False,
+                                  help="new lamp strengths and base colours into baked images, without a bake")
     check = commands.add_parser("check", help="tell what will bake and what will not, and why", allow_abbrev=False)
     for command in (bake, check, relight):
         if blend:
@@ -86,6 +86,8 @@ def _add_groups(parser: argparse.ArgumentParser, *, keep: bool) -> None:
     if keep:
         groups.add_argument("--groups", choices=("none", "lamp", "collection", "all"), default=argparse.SUPPRESS,
                             help="lights to keep apart, so that `relight` can change them later")
+        groups.add_argument("--reflectances", action=argparse.BooleanOptionalAction, default=argparse.SUPPRESS,
+                            help="with --groups: keep what `relight` needs to follow other base colours too")
     groups.add_argument("--group-layers", action=argparse.BooleanOptionalAction, default=argparse.SUPPRESS,
                         help="write the groups as layers of an EXR file beside each image")
 
@@ -149,7 +151,8 @@ def request_of(arguments: argparse.Namespace, scene: Any, blend: str) -> Any:
     return Request(settings, output, given.get("report"), save, given.get("pack", scene.radiosity.pack),
                    given.get("apply_modifiers", scene.radiosity.apply_modifiers or save is not None),
                    given.get("groups", scene.radiosity.groups),
-                   given.get("group_layers", scene.radiosity.group_layers))
+                   given.get("group_layers", scene.radiosity.group_layers),
+                   given.get("reflectances", scene.radiosity.reflectances))
 
 
 def compare_request_of(arguments: argparse.Namespace, scene: Any, blend: str) -> Any:

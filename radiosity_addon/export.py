@@ -97,6 +97,22 @@ def export_parts(scene: Any, view_layer: Any, settings: Settings, warnings: Warn
     return _lit(assembly, bindings, (*lamps, *suns), sky, settings, warnings)
 
 
+def export_surfaces(scene: Any, view_layer: Any, settings: Settings) -> Scene:
+    """What `export_scene` gives, without lights and without warnings: shapes and what they reflect.
+
+    Raises
+    ------
+    SceneError, SettingsError, NothingToBake
+        As `export_scene`.
+    """
+    unheard: Warnings = []
+    with preview.suspended():
+        assembly, _, _ = cycles.with_render_depsgraph(
+            scene, view_layer, lambda depsgraph: _collect(depsgraph, settings, {}, unheard, convert=True))
+        assembly.materials.evaluate(scene.frame_current)
+    return assembly.scene((), Sky())
+
+
 def _collect(depsgraph: Any, settings: Settings, emissions: Emissions, warnings: Warnings,
              convert: bool) -> tuple[Assembly, tuple[Binding, ...], tuple[Light, ...]]:
     shown = shown_meshes(depsgraph, warnings)

@@ -18,6 +18,8 @@ from .request import Request
 
 Float = NDArray[np.floating[Any]]
 
+# What new reflectances change, beside the groups, which have the light of those that were baked.
+REFLECTANCE = "Reflectance"
 # What the file is called after its image.
 SUFFIX = "_groups"
 
@@ -38,6 +40,8 @@ def write_group_files(bake: Bake, request: Request, outputs: list[dict[str, Any]
         layers = {name: shown(_values(parts[number]) * bake.groups.tints[name], settings.quantity)
                   for name, parts in bake.groups.layers.items()}
         about = {**header(settings, bake.report), "software": "Radiosity Lightmaps"}
+        if "recoloured" in bake.report:
+            layers[REFLECTANCE] = page.pixels - sum_of(layers)
         path = baked_images.write_file(request.output, page.name + SUFFIX, sum_of(layers), about, taken, layers)
         paths.append(path)
         for entry in outputs:

@@ -160,7 +160,8 @@ class Job:
                 scene, settings = with_shared_layouts(self._exported.scene, self._exported.bindings,
                                                       self._exported.settings, self.warnings, self._unwrapping)
             self._bake = bake(scene, settings, progress=self.progress, cancelled=self._cancel.is_set,
-                              groups=self._groups.for_solver if self._groups is not None else ())
+                              groups=self._groups.for_solver if self._groups is not None else (),
+                              keep_paths=self.request.keep_paths)
         except BaseException as error:  # noqa: BLE001 - it is raised again in Blender's thread, by finish()
             self._failure = error
 

@@ -111,7 +111,8 @@ class LiveJob(Job):
     def _baked(self, scene: Scene, step: Step) -> Bake:
         assert self._groups is not None
         if step.is_result:
-            return bake(scene, step.settings, self.progress, self._is_over, self._groups.for_solver, step.layout)
+            return bake(scene, step.settings, self.progress, self._is_over, self._groups.for_solver, step.layout,
+                        keep_paths=self.request.keep_paths)
         with self._timed(DRAFT):
             draft = bake(scene, step.settings, self._as_stage(DRAFT), self._is_over, layout=step.layout)
         # The wish is the user's, the estimate the draft's own.

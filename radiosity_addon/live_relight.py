@@ -1,4 +1,6 @@
-"""Live relight: while it is switched on, lamps that were changed update the baked images a moment later."""
+"""Live relight: while it is switched on, lamps and base colours that were changed update the baked images a moment
+later.
+"""
 
 from __future__ import annotations
 
@@ -8,9 +10,10 @@ from typing import Any
 import bpy
 
 from ..solver.errors import RadiosityError
+from . import cache
 from .digest import digest
 from .job import Job
-from .knobs import knobs_of
+from .knobs import knobs_of, rest_of
 from .relight import relight
 from .relight_request import kept_in, relight_request
 
@@ -54,12 +57,18 @@ def detach() -> None:
 
 
 def lights_of(scene: Any) -> str:
-    """A sum of the strengths of all lights: quick, and the same again when images are updated."""
+    """A sum of the strengths of all lights, and of materials where they are followed: quick, and the same again when
+    images are updated.
+    """
     lamps = [(item.name, item.hide_render, [_plain(getattr(item.data, name, None)) for name in STRENGTH],
               knobs_of(item.data)) for item in scene.objects if item.type == "LIGHT"]
     hidden = [collection.name for collection in bpy.data.collections if collection.hide_render]
     materials = {material.name_full: knobs_of(material) for material in bpy.data.materials}
-    return digest(lamps, hidden, materials, knobs_of(scene.world))
+    folder = kept_in(scene)
+    # Of what is not followed no attempt is made.
+    colours = ([rest_of(material) for material in bpy.data.materials]
+               if folder is not None and cache.follows_colours(folder) else [])
+    return digest(lamps, hidden, materials, knobs_of(scene.world), colours)
 
 
 def update() -> None:

@@ -1,4 +1,6 @@
-"""Relight: new lamp strengths and colours into images that are baked already, from kept light groups, without a ray."""
+"""Relight: new lamp strengths and base colours into images that are baked already, from what a bake kept, without a
+ray.
+"""
 
 from __future__ import annotations
 
@@ -13,15 +15,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..solver.errors import SettingsError
-from ..solver.groups import GroupLight, shown
-from ..solver.mixing import mix
-from ..solver.result import Bake, Lightmap
+from ..solver.relight import relight as solver_relight
+from ..solver.result import Bake
 from ..solver.scene import Scene
 from ..solver.settings import Settings
 from . import blend_file, cache, compat, report
 from .binding import Binding
-from .changes import changes, refuse
-from .export import Exported
+from .changes import changes, reflect_otherwise, refuse
+from .export import Exported, export_surfaces
 from .group_files import write_group_files
 from .job import Job, Outcome
 from .light_groups import Group
@@ -44,11 +45,13 @@ class Relit:
     """Kept light in its new strength.
 
     bake : as a bake would give it. factors : (groups, 3), what each group's layer was multiplied by.
+    colours : names of materials and objects whose other reflectances were followed.
     """
 
     kept: cache.Kept
     bake: Bake
     factors: Float
+    colours: tuple[str, ...]
 
 
 def relight(request: Request, scene: Any, view_layer: Any, warnings: Warnings) -> Outcome:
@@ -90,17 +93,23 @@ def relit_scene(folder: Path, scene: Any, view_layer: Any, stages: dict[str, flo
     RadiosityError
         See `relight`.
     """
-    stages = {} if stages is None else stages
-    start = time.perf_counter()
+    clock = _Clock({} if stages is None else stages)
     kept = cache.read(folder)
-    read = time.perf_counter()
+    clock.lap("read")
     seen = survey(scene, view_layer)
-    refuse(changes(kept.seen, seen, kept.groups))
+    follows = kept.bake.paths is not None
+    refuse(changes(kept.seen, seen, kept.groups, follows=follows))
     factors = np.array([group.factors(seen) for group in kept.groups])
-    looked = time.perf_counter()
-    bake = _mixed(kept, factors)
-    stages.update(read=read - start, check=looked - read, mix=time.perf_counter() - looked)
-    return Relit(kept, bake, factors)
+    colours = reflect_otherwise(kept.seen, seen)
+    clock.lap("check")
+    repainted = None
+    if colours:
+        repainted = replace(export_surfaces(scene, view_layer, kept.settings), surfaces=kept.surfaces)
+        clock.lap("export")
+    strengths = {group.name: rgb for group, rgb in zip(kept.groups, factors, strict=True)}
+    bake = solver_relight(kept.bake, replace(kept.settings, only=()), strengths, repainted)
+    clock.lap("mix" if repainted is None else "solve")
+    return Relit(kept, bake, factors, tuple(colours))
 
 
 def check_words(kept: Settings, given: dict[str, Any]) -> None:
@@ -120,30 +129,6 @@ def check_words(kept: Settings, given: dict[str, Any]) -> None:
 
 def _plain(value: Any) -> Any:
     return list(value) if isinstance(value, tuple) else value
-
-
-def _mixed(kept: cache.Kept, factors: Float) -> Bake:
-    """The bake with new pixels or colours."""
-    quantity = kept.settings.quantity
-    # Vertex colours of single groups may be below zero; what is shown is not.
-    totals = [shown(np.maximum(mix(stack, factors), 0), quantity) for stack in kept.stacks]
-    layers = {group.name: tuple(stack[number] for stack in kept.stacks) for number, group in enumerate(kept.groups)}
-    groups = GroupLight(layers, {group.name: np.asarray(rgb, np.float32)
-                                 for group, rgb in zip(kept.groups, factors, strict=True)})
-    if kept.bake.corner_colours is not None:
-        return replace(kept.bake, corner_colours=_by_surface(kept, totals[0]), groups=groups)
-    return replace(kept.bake, groups=groups, lightmaps=tuple(
-        Lightmap(page.name, pixels, page.surfaces) for page, pixels in zip(kept.bake.lightmaps, totals, strict=True)))
-
-
-def _by_surface(kept: cache.Kept, corners: Float) -> tuple[Float | None, ...]:
-    assert kept.bake.corner_colours is not None
-    parts: list[Float | None] = []
-    first = 0
-    for surface, there in zip(kept.surfaces, kept.bake.corner_colours, strict=True):
-        parts.append(None if there is None else corners[first:first + surface.count])
-        first += surface.count if there is not None else 0
-    return tuple(parts)
 
 
 def _exported(kept: cache.Kept) -> Exported:
@@ -173,6 +158,7 @@ def _report(relit: Relit, request: Request, scene: Any, outputs: list[dict[str, 
         "stages": [{"name": name, "seconds": value, "rays": 0} for name, value in stages.items()],
         "rays": 0,
         "groups": _told(kept.groups, relit.factors),
+        **_colours(relit),
         "outputs": outputs,
         "warnings": warnings,
         "peak_memory_bytes": peak_memory_bytes(),
@@ -183,6 +169,25 @@ def _report(relit: Relit, request: Request, scene: Any, outputs: list[dict[str, 
 def _told(groups: Sequence[Group], factors: Float) -> list[dict[str, Any]]:
     return [{"name": group.name, "baked": list(group.tint), "now": [float(value) for value in rgb]}
             for group, rgb in zip(groups, factors, strict=True)]
+
+
+def _colours(relit: Relit) -> dict[str, Any]:
+    """What the report says of reflectances that were followed, if any were."""
+    if "recoloured" not in relit.bake.report:
+        return {}
+    return {"recoloured": {"names": list(relit.colours), **relit.bake.report["recoloured"]}}
+
+
+class _Clock:
+    """Seconds between laps, by name."""
+
+    def __init__(self, seconds: dict[str, float]) -> None:
+        self._seconds, self._last = seconds, time.perf_counter()
+
+    def lap(self, name: str) -> None:
+        """Time since the last one."""
+        now = time.perf_counter()
+        self._seconds[name], self._last = now - self._last, now
 
 
 def relight_command(request: Request, scene: Any, view_layer: Any, given: dict[str, Any]) -> int:

@@ -41,6 +41,9 @@ class RADIOSITY_PT_groups(_Tab, bpy.types.Panel):
         layout.use_property_split = True
         layout.use_property_decorate = False
         layout.prop(scene.radiosity, "groups")
+        row = layout.row()
+        row.active = scene.radiosity.groups != "none"
+        row.prop(scene.radiosity, "reflectances")
         layout.prop(scene.radiosity, "group_layers")
         groups = kept_groups(kept_in(scene))
         if not groups:
@@ -70,6 +73,8 @@ class RADIOSITY_PT_cache(_Tab, bpy.types.Panel):
             return
         count = len(kept_groups(folder))
         layout.label(text=f"{count} light group{'s' if count != 1 else ''}, {cache.size(folder) / 1e6:.1f} MB")
+        if cache.follows_colours(folder):
+            layout.label(text="Base colors can be changed too")
         layout.label(text=str(folder), icon="FILE_FOLDER")
         layout.operator("radiosity.clear_groups", icon="TRASH")
 

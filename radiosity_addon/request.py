@@ -30,6 +30,7 @@ class Request:
     apply_modifiers : where modifiers stop the UV map from being stored, apply them.
     groups : which lights are kept apart for a relight: "none", by "lamp", by "collection", or "all" lamps in one.
     group_layers : write the groups as layers of an EXR file beside each image.
+    reflectances : with groups, keep what a relight needs to follow other reflectances too.
     """
 
     settings: Settings = field(default_factory=Settings)
@@ -40,6 +41,12 @@ class Request:
     apply_modifiers: bool = False
     groups: str = "none"
     group_layers: bool = False
+    reflectances: bool = False
+
+    @property
+    def keep_paths(self) -> bool:
+        """Whether a bake keeps its paths (see `solver.paths`): they are of use with groups alone."""
+        return self.reflectances and self.groups != "none"
 
     @property
     def report_path(self) -> Path | None:

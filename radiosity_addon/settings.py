@@ -86,6 +86,10 @@ class RADIOSITY_PG_settings(bpy.types.PropertyGroup):
                ("lamp", "By Lamp", "A group for each lamp: power and color of every one can be changed"),
                ("collection", "By Collection", "Lamps of a collection are changed together"),
                ("all", "All Lamps", "All lamps are changed together")])
+    reflectances: BoolProperty(  # type: ignore[valid-type]
+        name="Follow Base Colors", default=False,
+        description="Keep what Update Light needs to follow other base colors and textures too: half a kilobyte a "
+                    "pixel on disk, up to 512 MB and what goes with them")
     live_relight: BoolProperty(  # type: ignore[valid-type]
         name="Live", default=False, update=_live_switched,
         description="Update the images by themselves, a moment after a light was changed")

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..solver.lights import Light
-from . import cycles
+from . import cycles, preview
 from .digest import digest
 from .knobs import knobs_of, rest_of
 from .lamp_nodes import Emissions, read_emissions
@@ -85,7 +85,7 @@ class Survey:
 
 
 def survey(scene: Any, view_layer: Any) -> Survey:
-    """Look at a scene as a render shows it.
+    """Look at a scene as a render shows it, by its own materials, whatever is shown.
 
     Raises
     ------
@@ -94,8 +94,9 @@ def survey(scene: Any, view_layer: Any) -> Survey:
     """
     world = scene.world
     emissions = read_emissions(lamp_data(scene), [])
-    return cycles.with_render_depsgraph(
-        scene, view_layer, lambda depsgraph: _look(depsgraph, emissions, Source(rest_of(world), knobs_of(world))))
+    with preview.suspended():
+        return cycles.with_render_depsgraph(
+            scene, view_layer, lambda depsgraph: _look(depsgraph, emissions, Source(rest_of(world), knobs_of(world))))
 
 
 def _look(depsgraph: Any, emissions: Emissions, world: Source) -> Survey:

@@ -57,4 +57,5 @@ def request_in(context: Any, options: Namespace) -> Request:
     save = not_own(given.get("save"), bpy.data.filepath)
     return Request(settings, output, given.get("report"), save, pack,
                    given.get("apply_modifiers", kept.apply_modifiers or save is not None),
-                   given.get("groups", kept.groups), given.get("group_layers", kept.group_layers))
+                   given.get("groups", kept.groups), given.get("group_layers", kept.group_layers),
+                   given.get("reflectances", kept.reflectances))
