@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+import time
 from typing import Any
 
 import bpy
@@ -12,14 +12,15 @@ from ..radiosity_addon.command import parse_options
 from ..radiosity_addon.job import Job, Outcome, run
 from ..radiosity_addon.live import LiveJob
 from ..radiosity_addon.look import Look
+from ..radiosity_addon.parts import Parts, some
 from ..radiosity_addon.summary import one_line
 from ..radiosity_addon.warn import as_line
 from ..radiosity_addon.window_request import request_in
 from ..solver.errors import Cancelled, RadiosityError
 from .status import redraw_views, show_status
 
-# Seconds between two looks at the bake.
-TICK = 0.1
+# Seconds between two looks at the bake, and between two changes of what is told of it.
+TICK, TOLD = 0.02, 0.1
 # More warnings than this are counted, and listed in the report.
 SHOWN_WARNINGS = 5
 
@@ -60,8 +61,9 @@ class RADIOSITY_OT_bake(bpy.types.Operator):
             self._job = kind(request_in(context, parse_options(self.options)), context.scene, context.view_layer)
         except RadiosityError as error:
             return self._failed(error)
-        self._parts: Iterator[None] | None = self._job.exporting()
+        self._parts: Parts[Outcome | None] | None = self._job.exporting()
         self._look: Look | None = None
+        self._told = 0.0
         manager = context.window_manager
         manager.progress_begin(0, 100)
         self._timer = manager.event_timer_add(TICK, window=context.window)
@@ -70,12 +72,12 @@ class RADIOSITY_OT_bake(bpy.types.Operator):
         return {"RUNNING_MODAL"}
 
     def modal(self, context: Any, event: Any) -> set[str]:
-        """Read the scene part by part, then show how far the worker is; Esc cancels; write the results at the end."""
+        """Read the scene part by part, show how far the worker is, write the results part by part; Esc cancels."""
         if event.type == "ESC" and event.value == "PRESS":
             self._job.give_up(keep=context.scene.radiosity.keep_draft)
             return {"RUNNING_MODAL"}
         if event.type != "TIMER":
-            # Nobody changes the scene while it is read.
+            # Nobody changes the scene while it is read or written to.
             return {"PASS_THROUGH"} if self._parts is None else {"RUNNING_MODAL"}
         try:
             outcome = self._tick(context)
@@ -92,27 +94,42 @@ class RADIOSITY_OT_bake(bpy.types.Operator):
 
     def _tick(self, context: Any) -> Outcome | None:
         """One step of the work that is Blender's thread's; what came of the bake, at its end."""
-        progress = self._job.progress
-        context.window_manager.progress_update(round(progress.fraction * 100))
-        show_status(context, f"Radiosity {progress.line()} (Esc cancels)")
-        if self._parts is not None:
-            self._job.refuse_cancelled()
-            try:
-                next(self._parts)
-            except StopIteration:
-                self._parts = None
-                self._job.start()
-            return None
+        self._tell_progress(context)
         if self._job.look is not self._look:
             self._look = self._job.look
             redraw_views(context)
-        return self._job.finish() if self._job.is_done else None
+        if self._parts is None:
+            if not self._job.is_done:
+                return None
+            self._parts = self._job.finishing()
+        elif not self._job.is_baked:
+            self._job.refuse_cancelled()
+        try:
+            some(self._parts)
+        except StopIteration as end:
+            outcome: Outcome | None = end.value
+            self._parts = None
+            if outcome is None:
+                self._job.start()
+            return outcome
+        return None
+
+    def _tell_progress(self, context: Any) -> None:
+        """In the status bar and the panels, now and then."""
+        now = time.monotonic()
+        if now - self._told >= TOLD:
+            self._told = now
+            progress = self._job.progress
+            context.window_manager.progress_update(round(progress.fraction * 100))
+            show_status(context, f"Radiosity {progress.line()} (Esc cancels)")
 
     def cancel(self, context: Any) -> None:
         """Blender ends the operator: a file is loaded, or the window closed."""
         self._end(context)
 
     def _end(self, context: Any) -> None:
+        if self._parts is not None:
+            self._parts.close()
         self._job.close()
         context.window_manager.event_timer_remove(self._timer)
         context.window_manager.progress_end()

@@ -79,6 +79,10 @@ class Assembly:
         self._triangle_count += count
         return surface
 
+    def forget_meshes(self) -> None:
+        """Another dependency graph has other meshes, some of them where these were."""
+        self._meshes.clear()
+
     def scene(self, lights: Sequence[Light], sky: Sky) -> Scene:
         """Everything that was added, lit."""
         joined = {name: np.concatenate(parts) for name, parts in self._parts.items()}

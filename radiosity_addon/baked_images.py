@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import re
-import tempfile
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
@@ -31,14 +30,32 @@ def write_file(folder: Path, name: str, pixels: Float, header: dict[str, str | f
     OutputError
         If it can't be written.
     """
+    path = free_path(folder, name, taken)
+    write_marked(path, pixels, header, layers)
+    return path
+
+
+def free_path(folder: Path, name: str, taken: set[Path]) -> Path:
+    """Where `write_file` writes; it is taken from then on."""
     stem = FORBIDDEN.sub("_", name).strip(" .") or "Lightmap"
     path, number = folder / f"{stem}.exr", 1
     while path in taken or (path.exists() and not is_our_file(path)):
         number += 1
         path = folder / f"{stem}_{number}.exr"
-    write_exr(path, pixels, {**header, MARK: 1.0}, layers)
     taken.add(path)
     return path
+
+
+def write_marked(path: Path, pixels: Float, header: dict[str, str | float],
+                 layers: Mapping[str, Float] | None = None) -> None:
+    """Write a file that we know as ours.
+
+    Raises
+    ------
+    OutputError
+        If it can't be written.
+    """
+    write_exr(path, pixels, {**header, MARK: 1.0}, layers)
 
 
 def is_our_file(path: Path) -> bool:
@@ -55,16 +72,13 @@ def linked_image(name: str, path: Path, blend: str, *, pack: bool) -> Any:
     return image
 
 
-def packed_image(name: str, pixels: Float, header: dict[str, str | float] | None = None) -> Any:
+def packed_image(name: str, path: Path) -> Any:
     """A Blender image that lives in the .blend alone, as the EXR file that it would be outside."""
-    with tempfile.TemporaryDirectory(prefix="radiosity-image-") as folder:
-        path = Path(folder) / "lightmap.exr"
-        write_exr(path, pixels, {**(header or {}), MARK: 1.0})
-        image = _loaded(name, path)
-        # Packs the file's own bytes, 32 bit floats; an image filled through `pixels` would be packed by way of 16.
-        image.pack()
-        image.filepath = f"//{FORBIDDEN.sub('_', name)}.exr"
-        return image
+    image = _loaded(name, path)
+    # Packs the file's own bytes, 32 bit floats; an image filled through `pixels` would be packed by way of 16.
+    image.pack()
+    image.filepath = f"//{FORBIDDEN.sub('_', name)}.exr"
+    return image
 
 
 def _loaded(name: str, path: Path) -> Any:

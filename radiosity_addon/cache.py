@@ -89,16 +89,17 @@ def user_folder() -> Path:
     return Path(bpy.utils.user_resource("DATAFILES", path="radiosity_lightmaps"))
 
 
-def keep(folder: Path, bake: Bake, groups: Sequence[Group], seen: Survey, settings: Settings,
-         surfaces: Sequence[Surface], bindings: Sequence[Binding]) -> int:
-    """Put a bake's groups into the folder, in place of what was kept there; the size in bytes.
+def stage(folder: Path, bake: Bake, groups: Sequence[Group], seen: Survey, settings: Settings,
+          surfaces: Sequence[Surface], bindings: Sequence[Binding]) -> Path:
+    """Write a bake's groups into a folder beside `folder`, and return it.
 
     Raises
     ------
     OutputError
-        If they can't be written, or if the folder holds something else.
+        If they can't be written.
     """
     beside = folder.with_name(f".{folder.name}.{os.getpid()}.part")
+    shutil.rmtree(beside, ignore_errors=True)
     try:
         beside.mkdir(parents=True)
         scales = _write_layers(beside, bake, groups)
@@ -113,15 +114,31 @@ def keep(folder: Path, bake: Bake, groups: Sequence[Group], seen: Survey, settin
             "report": {word: bake.report[word] for word in ("version", "error", "lumels", "triangles", "patches")},
         }
         (beside / ABOUT).write_text(json.dumps(about), encoding="utf-8")
-        clear(folder)
-        os.replace(beside, folder)
     except OSError as cause:
-        reason = (cause.strerror or type(cause).__name__).lower()
-        raise OutputError(f"light groups can't be kept in {folder} ({reason}): check its rights and free space, or "
-                          "bake without groups") from cause
-    finally:
         shutil.rmtree(beside, ignore_errors=True)
-    return size(folder)
+        raise _unwritten(folder, cause) from cause
+    return beside
+
+
+def place(staged: Path, folder: Path) -> None:
+    """Put staged groups into their folder, in place of what was kept there.
+
+    Raises
+    ------
+    OutputError
+        If that can't be done, or if the folder holds something else.
+    """
+    try:
+        clear(folder)
+        os.replace(staged, folder)
+    except OSError as cause:
+        raise _unwritten(folder, cause) from cause
+
+
+def _unwritten(folder: Path, cause: OSError) -> OutputError:
+    reason = (cause.strerror or type(cause).__name__).lower()
+    return OutputError(f"light groups can't be kept in {folder} ({reason}): check its rights and free space, or bake "
+                       "without groups")
 
 
 def read(folder: Path) -> Kept:

@@ -23,6 +23,7 @@ import bpy
 import numpy as np
 
 from ..solver.errors import NothingToBake
+from ..solver.result import Bake
 from . import compare_score, compare_write, compat, cycles
 from .compare_child import BAKED_VIEW, CYCLES_VIEW, LIGHTMAPS, REFERENCES
 from .compare_process import run_job
@@ -84,19 +85,13 @@ class Comparison(Job):
         super().close()
         self._folder.cleanup()
 
-    def _work(self) -> None:
-        super()._work()
-        if self._failure is not None:
-            return
-        try:
-            self._compared = self._compare()
-        except BaseException as error:  # noqa: BLE001 - it is raised again in Blender's thread, by finish()
-            self._failure = error
+    def _use(self, done: Bake) -> None:
+        """Compare it."""
+        self._compared = self._compare(done)
 
-    def _compare(self) -> Compared:
+    def _compare(self, bake: Bake) -> Compared:
         assert self._exported is not None
-        assert self._bake is not None
-        bake, folder = self._bake, Path(self._folder.name)
+        folder = Path(self._folder.name)
         scene, seconds = self._exported.scene, time.perf_counter() - self._started
         self._add_solver_warnings()
         self.progress("Cycles", 0.0)

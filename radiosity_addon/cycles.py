@@ -1,5 +1,5 @@
-"""What Blender offers only as a render: Cycles renders a world to a map or bakes a material, and a render's own view
-of the scene.
+"""What Blender offers only as a render: Cycles renders a scene of ours or bakes a material, and a render's own view of
+the scene.
 
 The only file that calls `bpy.ops.render` and `bpy.ops.object.bake`.
 """
@@ -16,7 +16,6 @@ from typing import Any, TypeVar
 
 import bpy
 import numpy as np
-from mathutils import Matrix
 from numpy.typing import NDArray
 
 from ..solver.errors import SceneError
@@ -24,52 +23,9 @@ from ..solver.errors import SceneError
 Float = NDArray[np.floating[Any]]
 Result = TypeVar("Result")
 
-# Size of the map of a world, pixels: .35 degrees each.
-WORLD_WIDTH, WORLD_HEIGHT = 1024, 512
-# Samples of a pixel of it, spread over the whole pixel, so that its value is the pixel's mean.
-WORLD_SAMPLES = 4
-# Pixels along a side of a close look at a part of it, and samples of each.
-WINDOW_SIDE, WINDOW_SAMPLES = 128, 16
 RENDER_RESULT = "Render Result"
 # The slot that our own renders go to where the user has a render to look at.
 SLOT = "Radiosity"
-
-
-def render_world(world: Any) -> Float:
-    """Radiance from every direction, (512, 1024, 3) float32, rows from straight down to straight up.
-
-    The middle column looks along +x, the one a quarter to its left along +y (see `solver.sky`).
-
-    Raises
-    ------
-    SceneError
-        If Cycles is not there or can't render the world.
-    """
-    with _world_scene(world) as scene:
-        return rendered(scene, world.name)
-
-
-def render_world_window(world: Any, axis: Float, right: Float, up: Float, half: float) -> Float:
-    """Radiance through a square window, (128, 128, 3) float32, row 0 at the bottom.
-
-    Parameters
-    ----------
-    axis, right, up : (3,) unit, at right angles, right x up = -axis; columns grow to the right, rows up.
-    half : tangent of half of the window's angle.
-
-    Raises
-    ------
-    SceneError
-        If Cycles is not there or can't render the world.
-    """
-    with _world_scene(world) as scene:
-        camera = scene.camera
-        camera.data.type = "PERSP"
-        camera.data.angle = 2 * float(np.arctan(half))
-        camera.rotation_euler = Matrix(np.stack([right, up, -axis], axis=1).tolist()).to_euler()
-        scene.render.resolution_x = scene.render.resolution_y = WINDOW_SIDE
-        scene.cycles.samples = WINDOW_SAMPLES
-        return rendered(scene, world.name)
 
 
 def rendered(scene: Any, name: str) -> Float:
@@ -188,33 +144,6 @@ def remove_scene(scene: Any) -> None:
     bpy.data.batch_remove([scene])
 
 
-@contextmanager
-def _world_scene(world: Any) -> Iterator[Any]:
-    """A scene of its own with nothing but the world and a panoramic camera; gone afterwards."""
-    scene = bpy.data.scenes.new("radiosity world")
-    camera = bpy.data.cameras.new("radiosity world")
-    viewer = bpy.data.objects.new("radiosity world", camera)
-    copy = world.copy()
-    try:
-        scene.collection.objects.link(viewer)
-        camera.type, camera.panorama_type = "PANO", "EQUIRECTANGULAR"
-        # Level, looking along +x.
-        viewer.rotation_euler = (np.pi / 2, 0.0, -np.pi / 2)
-        scene.camera = viewer
-        scene.world = copy
-        # A world hidden from cameras lights the scene all the same.
-        copy.cycles_visibility.camera = True
-        # Nothing here is lit by it: Cycles need not build its map for sampling, which takes seconds.
-        copy.cycles.sampling_method = "NONE"
-        set_up_render(scene)
-        yield scene
-    finally:
-        remove_scene(scene)
-        bpy.data.objects.remove(viewer)
-        bpy.data.cameras.remove(camera)
-        bpy.data.worlds.remove(copy)
-
-
 def _read(path: Path) -> Float:
     """(h, w, 3) float32 of a rendered file, row 0 at the bottom."""
     image = bpy.data.images.load(str(path), check_existing=False)
@@ -228,18 +157,20 @@ def _read(path: Path) -> Float:
         bpy.data.images.remove(image)
 
 
-def set_up_render(scene: Any) -> None:
-    """Settings of a render of plain light, as large as the map of a world."""
+def set_up_render(scene: Any, width: int, height: int, samples: int) -> None:
+    """Settings of a render of plain light: its size in pixels, and samples spread over each whole pixel, so that its
+    value is the pixel's mean.
+    """
     render, settings = scene.render, scene.cycles
     render.engine = "CYCLES"
-    render.resolution_x, render.resolution_y, render.resolution_percentage = WORLD_WIDTH, WORLD_HEIGHT, 100
+    render.resolution_x, render.resolution_y, render.resolution_percentage = width, height, 100
     render.film_transparent = False
     render.use_file_extension = False
     render.image_settings.file_format = "OPEN_EXR"
     render.image_settings.color_mode = "RGB"
     render.image_settings.color_depth = "32"
     settings.device = "CPU"
-    settings.samples = WORLD_SAMPLES
+    settings.samples = samples
     settings.use_adaptive_sampling = False
     settings.use_denoising = False
     settings.sample_clamp_direct = settings.sample_clamp_indirect = 0.0

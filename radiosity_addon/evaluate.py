@@ -21,6 +21,7 @@ from . import cycles, node_hash
 from .compat import version
 from .materials import PARTS, Shading
 from .mesh_part import BAKE_UV, MeshPart, make_mesh
+from .parts import Parts
 from .shader_views import show_part
 from .triangle_cells import MARGIN, Cells, place_cells
 
@@ -110,8 +111,8 @@ def request(item: Any, material: Any, part: MeshPart, shading: Shading) -> Reque
                    tuple(item.original.color), item.original.pass_index, item.random)
 
 
-def evaluate(requests: Sequence[Request], frame: int) -> list[Evaluated]:
-    """Results of all requests; those that were made before come from memory.
+def evaluate(requests: Sequence[Request], frame: int) -> Parts[list[Evaluated]]:
+    """Results of all requests, each a part; those that were made before come from memory.
 
     Raises
     ------
@@ -119,16 +120,20 @@ def evaluate(requests: Sequence[Request], frame: int) -> list[Evaluated]:
         If Cycles is not there or fails.
     """
     budget = max(LEAST_TEXELS, min(MOST_TEXELS, ALL_TEXELS // max(len(requests), 1)))
-    return [_evaluate(one, budget, frame) for one in requests]
+    found = []
+    for one in requests:
+        found.append((yield from _evaluate(one, budget, frame)))
+    return found
 
 
-def _evaluate(one: Request, budget: int, frame: int) -> Evaluated:
+def _evaluate(one: Request, budget: int, frame: int) -> Parts[Evaluated]:
     cells = place_cells(_wanted_steps(one), budget)
     parts = {}
     for name in one.parts():
         key = f"{one.digest} {name} {budget} {frame}"
         if key not in _cache:
             _remember(key, _bake(one, name, cells, frame))
+            yield
         _cache.move_to_end(key)
         parts[name] = _cache[key]
     return Evaluated(parts, cells)

@@ -2,13 +2,13 @@
 
     what a render shows     meshes with modifiers, instances, curves and text as meshes       visible.py
     who is baked            and whether the result can be stored                              receiving.py
-    triangles               normals, materials, textures                                      assembly.py
+    triangles               normals, materials, textures                         surfaces.py, assembly.py
     lamps, sky                                                                                lights.py, world.py
 """
 
 from __future__ import annotations
 
-from collections.abc import Generator
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -18,18 +18,16 @@ from ..solver.errors import NothingToBake
 from ..solver.lights import Light
 from ..solver.scene import Scene, Sky
 from ..solver.settings import Settings
-from . import cycles, preview
-from .assembly import Assembly
 from .binding import Binding
 from .giants import with_fair_shares
-from .lamp_nodes import Emissions, read_emissions
-from .lights import export_lights, lamp_data
-from .linking import Linking
-from .receiving import choose_receivers
+from .lamp_nodes import emission_parts
+from .lights import lamp_data
+from .parts import ENDLESS, Parts, whole
+from .surfaces import Surfaces, surface_parts
 from .units import per_blender_unit
-from .visible import shown_meshes
 from .warn import Warnings
-from .world import read_world
+from .world import world_parts
+from .world_render import COARSE, FINE
 
 
 @dataclass(frozen=True, eq=False)
@@ -66,35 +64,30 @@ def export_scene(scene: Any, view_layer: Any, settings: Settings, warnings: Warn
     SceneError, SettingsError, NothingToBake
         With the object, the value and the next step.
     """
-    parts = export_parts(scene, view_layer, settings, warnings, convert)
-    while True:
-        try:
-            next(parts)
-        except StopIteration as end:
-            exported: Exported = end.value
-            return exported
+    return whole(export_parts(scene, view_layer, settings, warnings, convert))
 
 
-def export_parts(scene: Any, view_layer: Any, settings: Settings, warnings: Warnings,
-                 convert: bool = False) -> Generator[None, None, Exported]:
-    """`export_scene` in parts: a window can draw and answer between them, and nobody may change the scene."""
+def export_parts(scene: Any, view_layer: Any, settings: Settings, warnings: Warnings, convert: bool = False,
+                 part_seconds: float = ENDLESS, glance: Callable[[Exported], None] | None = None) -> Parts[Exported]:
+    """`export_scene` in parts: a window can draw and answer between them, and nobody may change the scene.
+
+    Parameters
+    ----------
+    part_seconds : how long a part may take, about, where it can be cut.
+    glance : given the scene as soon as there is one, with a coarse sky, and materials that Cycles has not seen yet.
+    """
     settings = per_blender_unit(settings, scene, warnings)
-    # A view of an older bake would be read as light of its own.
-    with preview.suspended():
-        sky, suns = read_world(scene.world, warnings)
-    yield
-    with preview.suspended():
-        emissions = read_emissions(lamp_data(scene), warnings)
-    yield
-    with preview.suspended():
-        assembly, bindings, lamps = cycles.with_render_depsgraph(
-            scene, view_layer, lambda depsgraph: _collect(depsgraph, settings, emissions, warnings, convert))
-    yield
-    with preview.suspended():
-        # Only now: Cycles can't bake materials while the dependency graph is handed out, which is a render.
-        assembly.materials.evaluate(scene.frame_current)
-    yield
-    return _lit(assembly, bindings, (*lamps, *suns), sky, settings, warnings)
+    emissions = yield from emission_parts(lamp_data(scene), warnings)
+    found = yield from surface_parts(scene, view_layer, settings, emissions, warnings, convert, part_seconds)
+    assembly = found.assembly
+    yield from assembly.materials.read_images()
+    if glance is not None:
+        sky, suns = yield from world_parts(scene.world, [], COARSE)
+        glance(_lit(found, (*found.lamps, *suns), sky, settings, []))
+        yield
+    sky, suns = yield from world_parts(scene.world, warnings, FINE, part_seconds)
+    yield from assembly.materials.evaluate(scene.frame_current)
+    return _lit(found, (*found.lamps, *suns), sky, settings, warnings)
 
 
 def export_surfaces(scene: Any, view_layer: Any, settings: Settings) -> Scene:
@@ -105,34 +98,18 @@ def export_surfaces(scene: Any, view_layer: Any, settings: Settings) -> Scene:
     SceneError, SettingsError, NothingToBake
         As `export_scene`.
     """
-    unheard: Warnings = []
-    with preview.suspended():
-        assembly, _, _ = cycles.with_render_depsgraph(
-            scene, view_layer, lambda depsgraph: _collect(depsgraph, settings, {}, unheard, convert=True))
-        assembly.materials.evaluate(scene.frame_current)
+    assembly = whole(surface_parts(scene, view_layer, settings, {}, [], convert=True)).assembly
+    whole(assembly.materials.read_images())
+    whole(assembly.materials.evaluate(scene.frame_current))
     return assembly.scene((), Sky())
 
 
-def _collect(depsgraph: Any, settings: Settings, emissions: Emissions, warnings: Warnings,
-             convert: bool) -> tuple[Assembly, tuple[Binding, ...], tuple[Light, ...]]:
-    shown = shown_meshes(depsgraph, warnings)
-    if not shown:
-        raise NothingToBake("a render of the scene shows no mesh with faces: add one, or make it visible in renders")
-    bindings = choose_receivers(shown, settings, warnings, convert)
-    linking = Linking(depsgraph, shown)
-    assembly = Assembly(settings, linking, warnings)
-    for item, binding in zip(shown, bindings, strict=True):
-        assembly.add(item, binding)
-    return assembly, bindings, export_lights(depsgraph, linking, warnings, emissions)
-
-
-def _lit(assembly: Assembly, bindings: tuple[Binding, ...], lights: tuple[Light, ...], sky: Sky,
-         settings: Settings, warnings: Warnings) -> Exported:
-    made = with_fair_shares(assembly.scene(lights, sky), settings, warnings)
+def _lit(found: Surfaces, lights: tuple[Light, ...], sky: Sky, settings: Settings, warnings: Warnings) -> Exported:
+    made = with_fair_shares(found.assembly.scene(lights, sky), settings, warnings)
     if not any(surface.receives for surface in made.surfaces):
         raise NothingToBake("no object that is to be baked has an opaque face with an area")
     if not made.lights and made.sky.is_black and not np.asarray(made.emission).any():
         raise NothingToBake("the scene has no light: add a lamp, an emissive material, or light in the world")
     bindings = tuple(replace(binding, receives=surface.receives)
-                     for binding, surface in zip(bindings, made.surfaces, strict=True))
-    return Exported(made, bindings, replace(settings, only=()), tuple(assembly.materials.rows.values()))
+                     for binding, surface in zip(found.bindings, made.surfaces, strict=True))
+    return Exported(made, bindings, replace(settings, only=()), tuple(found.assembly.materials.rows.values()))

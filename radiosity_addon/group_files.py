@@ -12,9 +12,8 @@ from ..solver.groups import shown
 from ..solver.mixing import Layer
 from ..solver.quantities import header
 from ..solver.result import Bake
-from . import baked_images
-from .report import relative_to_report
-from .request import Request
+from ..solver.settings import Settings
+from .baked_images import write_marked
 
 Float = NDArray[np.floating[Any]]
 
@@ -24,30 +23,20 @@ REFLECTANCE = "Reflectance"
 SUFFIX = "_groups"
 
 
-def write_group_files(bake: Bake, request: Request, outputs: list[dict[str, Any]]) -> list[Path]:
-    """Write one file an image into the output folder and name it in the report's outputs; none without a folder.
+def write(path: Path, bake: Bake, number: int, settings: Settings) -> None:
+    """Write the file of one lightmap.
 
     Raises
     ------
     OutputError
-        If a file can't be written.
+        If it can't be written.
     """
-    if request.output is None or not bake.groups.layers:
-        return []
-    settings, taken = request.settings, set[Path]()
-    paths = []
-    for number, page in enumerate(bake.lightmaps):
-        layers = {name: shown(_values(parts[number]) * bake.groups.tints[name], settings.quantity)
-                  for name, parts in bake.groups.layers.items()}
-        about = {**header(settings, bake.report), "software": "Radiosity Lightmaps"}
-        if "recoloured" in bake.report:
-            layers[REFLECTANCE] = page.pixels - sum_of(layers)
-        path = baked_images.write_file(request.output, page.name + SUFFIX, sum_of(layers), about, taken, layers)
-        paths.append(path)
-        for entry in outputs:
-            if entry["object"] in page.surfaces:
-                entry["groups"] = relative_to_report(path, request.report_path)
-    return paths
+    layers = {name: shown(_values(parts[number]) * bake.groups.tints[name], settings.quantity)
+              for name, parts in bake.groups.layers.items()}
+    if "recoloured" in bake.report:
+        layers[REFLECTANCE] = bake.lightmaps[number].pixels - sum_of(layers)
+    about = {**header(settings, bake.report), "software": "Radiosity Lightmaps"}
+    write_marked(path, sum_of(layers), about, layers)
 
 
 def sum_of(layers: dict[str, Float]) -> Float:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+from collections.abc import Callable
 from typing import Any
 
 import bpy
@@ -11,6 +12,7 @@ from numpy.typing import NDArray
 
 from ..solver.errors import SceneError
 from ..solver.scene import Texture
+from .parts import Parts
 from .sockets import ASSOCIATED
 from .warn import Warnings, warn
 
@@ -23,22 +25,19 @@ LONGEST_SIDE = 2048
 # Cycles filters byte images before it decodes them, the solver afterwards: images up to this side are made larger
 # before they are decoded, where the difference between neighbouring pixels is seen.
 SMALL_SIDE, ENLARGED = 256, 8
+# Pixels that are decoded at once.
+PART_PIXELS = 2**18
 
 
-def read_texture(image: Any, material: str, warnings: Warnings) -> Texture:
-    """The image's pixels as reflectance or light.
+def texture_parts(image: Any, material: str, warnings: Warnings) -> Parts[Texture]:
+    """The image's pixels as reflectance or light, some rows a part.
 
     Raises
     ------
     SceneError
         If the image's file is missing or can't be read.
     """
-    if image.source == "TILED":
-        warn(warnings, material, "texture", f"image {image.name!r} has UDIM tiles, of which the first alone is used: "
-             "join them into one image")
-    elif image.source in {"SEQUENCE", "MOVIE"}:
-        kind = image.source.lower()
-        warn(warnings, material, "texture", f"image {image.name!r} is a {kind}: its present frame is used")
+    _tell_kind(image, material, warnings)
     width, height = image.size
     channels = image.channels
     if not (width and height and channels):
@@ -48,14 +47,16 @@ def read_texture(image: Any, material: str, warnings: Warnings) -> Texture:
                          "restore the file (File > External Data > Find Missing Files) or choose another image")
     values = np.empty(width * height * channels, np.float32)
     image.pixels.foreach_get(values)
-    pixels = values.reshape(height, width, channels)
-    alpha = pixels[:, :, 3:]
-    pixels = np.repeat(pixels[:, :, :1], 3, axis=2) if channels < 3 else pixels[:, :, :3]
-    if not image.is_float:
-        if image.alpha_mode in ASSOCIATED and alpha.size and alpha.min() < 1:
-            # As Cycles does: the colour, still coded in bytes, is multiplied by alpha and rounded down.
-            pixels = np.floor(np.rint(pixels * 255) * np.rint(alpha * 255) / 255) / np.float32(255)
-        pixels = _to_linear(pixels, image, material, warnings)
+    yield
+    decode = _decoder(image, material, warnings)
+    stored = values.reshape(height, width, channels)
+    # An image that is enlarged is small.
+    rows = height if max(width, height) <= SMALL_SIDE else max(1, PART_PIXELS // width)
+    decoded = []
+    for start in range(0, height, rows):
+        decoded.append(decode(stored[start:start + rows]))
+        yield
+    pixels = np.concatenate(decoded)
     if not np.isfinite(pixels).all() or pixels.min() < 0:
         warn(warnings, material, "texture", f"image {image.name!r} has values that are negative or not finite: "
              "they count as black")
@@ -63,25 +64,54 @@ def read_texture(image: Any, material: str, warnings: Warnings) -> Texture:
     return Texture(_shrunk(pixels), image.name)
 
 
+def _tell_kind(image: Any, material: str, warnings: Warnings) -> None:
+    """Tell of an image that is not one picture."""
+    if image.source == "TILED":
+        warn(warnings, material, "texture", f"image {image.name!r} has UDIM tiles, of which the first alone is used: "
+             "join them into one image")
+    elif image.source in {"SEQUENCE", "MOVIE"}:
+        kind = image.source.lower()
+        warn(warnings, material, "texture", f"image {image.name!r} is a {kind}: its present frame is used")
+
+
+def _decoder(image: Any, material: str, warnings: Warnings) -> Callable[[Float], Float]:
+    """From stored rows (h, w, channels) to linear light (h, w, 3).
+
+    Byte images are handed out as they are coded; float images are in linear light already.
+    """
+    space = image.colorspace_settings.name
+    coded = not image.is_float and space not in LINEAR_SPACES
+    if coded and space != "sRGB":
+        warn(warnings, material, "texture", f"image {image.name!r} has the colour space {space!r}: it is read as sRGB")
+    associated = not image.is_float and image.alpha_mode in ASSOCIATED
+    small = max(image.size) <= SMALL_SIDE
+    # A byte has 256 values: looked up, they cost a tenth of the power function.
+    table = srgb_to_linear(np.arange(256, dtype=np.float32) / 255)
+
+    def decode(stored: Float) -> Float:
+        pixels, alpha = stored[:, :, :3], stored[:, :, 3:]
+        if stored.shape[2] < 3:
+            pixels = np.repeat(stored[:, :, :1], 3, axis=2)
+        if associated and alpha.size and alpha.min() < 1:
+            # As Cycles does: the colour, still coded in bytes, is multiplied by alpha and rounded down.
+            pixels = np.floor(np.rint(pixels * 255) * np.rint(alpha * 255) / 255) / np.float32(255)
+        if not coded:
+            return pixels
+        return srgb_to_linear(_enlarged(pixels)) if small else np.take(table, _bytes(pixels))
+
+    return decode
+
+
+def _bytes(pixels: Float) -> NDArray[np.uint8]:
+    """Pixels of a byte image as the bytes that they are stored as."""
+    return np.asarray(pixels * np.float32(255) + np.float32(0.5), np.uint8)
+
+
 def srgb_to_linear(values: Float) -> Float:
     """IEC 61966-2-1: sRGB code values in [0, 1] to linear light."""
     low = values / np.float32(12.92)
     high = ((np.maximum(values, 0) + np.float32(0.055)) / np.float32(1.055)) ** np.float32(2.4)
     return np.where(values <= 0.04045, low, high).astype(np.float32)
-
-
-def _to_linear(pixels: Float, image: Any, material: str, warnings: Warnings) -> Float:
-    """Byte images are handed out as they are coded; float images are in linear light already."""
-    space = image.colorspace_settings.name
-    if space in LINEAR_SPACES:
-        return pixels
-    if space != "sRGB":
-        warn(warnings, material, "texture", f"image {image.name!r} has the colour space {space!r}: it is read as sRGB")
-    # A byte has 256 values: looked up, they cost a tenth of the power function.
-    if max(pixels.shape[:2]) <= SMALL_SIDE:
-        return srgb_to_linear(_enlarged(pixels))
-    table = srgb_to_linear(np.arange(256, dtype=np.float32) / 255)
-    return np.asarray(table[np.rint(pixels * 255).astype(np.uint8)])
 
 
 def _enlarged(pixels: Float) -> Float:

@@ -1,14 +1,16 @@
 """A bake from start to end: export and write-back in Blender's thread, the long work in a thread of its own.
 
-The worker touches arrays alone and never bpy. In the window a timer looks after it; elsewhere the caller waits.
+The worker touches arrays and files alone and never bpy. In the window a timer looks after it, and Blender's thread
+works in parts; elsewhere the caller waits.
 """
 
 from __future__ import annotations
 
+import shutil
 import signal
 import threading
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
@@ -24,8 +26,10 @@ from .export import Exported, export_parts
 from .keeping import KeptGroups
 from .layouts import with_shared_layouts
 from .look import Look
+from .parts import ENDLESS, WINDOW_PART, Parts, whole
 from .progress import Progress, Terminal
 from .request import Request, remove_empty
+from .staging import Staged, stage
 from .summary import print_warnings
 from .warn import Warnings
 from .write_back import write_back
@@ -45,7 +49,10 @@ class Outcome:
 
 
 class Job:
-    """One bake. In this order: `export`, `start`, wait until `is_done`, `finish`; `close` in any case."""
+    """One bake. In this order: `export`, `start`, wait until `is_done`, `finish`; `close` in any case.
+
+    `exporting` and `finishing` are the same in parts, for a window.
+    """
 
     # The one that is on its way, if any: a second one is refused.
     current: Job | None = None
@@ -67,6 +74,11 @@ class Job:
         self._exported: Exported | None = None
         self._groups: KeptGroups | None = None
         self._bake: Bake | None = None
+        # Files that are written, and not in their places yet.
+        self._staged: Staged | None = None
+        self._staged_groups: Path | None = None
+        # Is given a coarse export as soon as there is one (see `export_parts`).
+        self._glance: Callable[[Exported], None] | None = None
         self._failure: BaseException | None = None
         self._made: list[Path] = []
 
@@ -78,16 +90,15 @@ class Job:
 
     def export(self) -> None:
         """Read the scene, and see that results can be written. Raises RadiosityError."""
-        for _ in self.exporting():
-            pass
+        whole(self.exporting(ENDLESS))
 
-    def exporting(self) -> Iterator[None]:
-        """`export` in parts, so that a window can go on between them."""
+    def exporting(self, part_seconds: float = WINDOW_PART) -> Parts[None]:
+        """`export` in parts of about so many seconds, so that a window can go on between them."""
         with self._timed("export"):
             self._made = self.request.check_writable()
             scene, layer = self._place()
             self._exported = yield from export_parts(scene, layer, self.request.settings, self.warnings,
-                                                     self.request.apply_modifiers)
+                                                     self.request.apply_modifiers, part_seconds, self._glance)
             yield
             self._groups = KeptGroups.of(self._exported.scene, scene, layer, self.request)
         self.progress("export", 1.0)
@@ -101,6 +112,11 @@ class Job:
     def is_done(self) -> bool:
         """Whether the worker has ended, in whatever way."""
         return self._thread is None or not self._thread.is_alive()
+
+    @property
+    def is_baked(self) -> bool:
+        """Whether the long work is over, with a result."""
+        return self._bake is not None
 
     def cancel(self) -> None:
         """Ask the worker to stop."""
@@ -121,19 +137,26 @@ class Job:
             self._thread.join(seconds)
 
     def finish(self) -> Outcome:
-        """Write the results. Raises what the worker raised, or RadiosityError."""
+        """Put the results in their places. Raises what the worker raised, or RadiosityError."""
+        return whole(self.finishing())
+
+    def finishing(self) -> Parts[Outcome]:
+        """`finish` in parts, so that a window can go on between them."""
         self.wait(threading.TIMEOUT_MAX)
         if self._failure is not None:
             raise self._failure
+        self.refuse_cancelled()
         assert self._exported is not None
         assert self._bake is not None
+        assert self._staged is not None
+        assert self._groups is not None
         with self._timed("write"):
-            self.progress("write", 0.0)
             scene, layer = self._place()
             self._add_solver_warnings()
-            outputs = write_back(self._exported, self._bake, self.request, scene, layer, self.warnings)
-            assert self._groups is not None
-            self._groups.keep(self._bake, self._exported, self.request, scene.name, outputs)
+            outputs = yield from write_back(self._exported, self._bake, self._staged, self.request, scene, layer,
+                                            self.warnings)
+            self._groups.place(self._staged_groups)
+            yield
             if self.request.save is not None:
                 blend_file.save_copy(self.request.save)
         full = report.complete(
@@ -149,21 +172,40 @@ class Job:
         """End the worker and make room for the next job; folders that were made for nothing go."""
         self.cancel()
         self.wait(threading.TIMEOUT_MAX)
+        if self._staged is not None:
+            self._staged.close()
+        if self._staged_groups is not None:
+            shutil.rmtree(self._staged_groups, ignore_errors=True)
         remove_empty(self._made)
         if Job.current is self:
             Job.current = None
 
     def _work(self) -> None:
-        assert self._exported is not None
         try:
-            with self._timed("unwrap"):
-                scene, settings = with_shared_layouts(self._exported.scene, self._exported.bindings,
-                                                      self._exported.settings, self.warnings, self._unwrapping)
-            self._bake = bake(scene, settings, progress=self.progress, cancelled=self._cancel.is_set,
-                              groups=self._groups.for_solver if self._groups is not None else (),
-                              keep_paths=self.request.keep_paths)
+            self._bake = self._baked()
+            self._use(self._bake)
         except BaseException as error:  # noqa: BLE001 - it is raised again in Blender's thread, by finish()
             self._failure = error
+
+    def _baked(self) -> Bake:
+        """The long work."""
+        assert self._exported is not None
+        assert self._groups is not None
+        with self._timed("unwrap"):
+            scene, settings = with_shared_layouts(self._exported.scene, self._exported.bindings,
+                                                  self._exported.settings, self.warnings, self._unwrapping)
+        return bake(scene, settings, progress=self.progress, cancelled=self._cancel.is_set,
+                    groups=self._groups.for_solver, keep_paths=self.request.keep_paths)
+
+    def _use(self, done: Bake) -> None:
+        """What the worker does with its bake: all files are written beside their places."""
+        assert self._exported is not None
+        assert self._groups is not None
+        self.progress("write", 0.0)
+        self.refuse_cancelled()
+        with self._timed("write"):
+            self._staged = stage(done, self.request)
+            self._staged_groups = self._groups.stage(done, self._exported, self.request)
 
     def _unwrapping(self, fraction: float) -> None:
         self.progress("unwrap", fraction)

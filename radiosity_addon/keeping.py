@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any
 
 from ..solver.groups import LightGroup
@@ -10,7 +11,6 @@ from ..solver.result import Bake
 from ..solver.scene import Scene
 from . import cache
 from .export import Exported
-from .group_files import write_group_files
 from .light_groups import Group, make_groups
 from .request import Request
 from .survey import Survey, survey
@@ -20,10 +20,12 @@ from .survey import Survey, survey
 class KeptGroups:
     """The groups of a bake on its way.
 
+    folders : where groups of this scene may lie, the first of them for new ones.
     for_solver, groups : the same groups, in the same order; empty if none are to be kept.
     seen : the scene at the time of the export.
     """
 
+    folders: tuple[Path, ...]
     for_solver: tuple[LightGroup, ...] = ()
     groups: tuple[Group, ...] = ()
     seen: Survey | None = None
@@ -37,28 +39,39 @@ class KeptGroups:
         RadiosityError
             See `make_groups`.
         """
+        folders = tuple(cache.places(request.output, scene.name))
         if request.groups == "none":
-            return cls()
+            return cls(folders)
         seen = survey(scene, view_layer)
         made = make_groups(exported, seen, request.groups)
-        return cls(tuple(group for group, _ in made), tuple(group for _, group in made), seen)
+        return cls(folders, tuple(group for group, _ in made), tuple(group for _, group in made), seen)
 
-    def keep(self, bake: Bake, exported: Exported, request: Request, scene_name: str,
-             outputs: list[dict[str, Any]]) -> None:
-        """Put the groups' light where a relight finds it. Without groups what an earlier bake kept there goes: its
-        light belongs to other images.
+    def none(self) -> KeptGroups:
+        """No groups, in the same places."""
+        return KeptGroups(self.folders)
+
+    def stage(self, bake: Bake, exported: Exported, request: Request) -> Path | None:
+        """Write what a relight needs beside its place, and return where; touches no bpy.
 
         Raises
         ------
         OutputError
             If it can't be written.
         """
-        folders = cache.places(request.output, scene_name)
-        for folder in folders:
-            cache.clear(folder)
         if self.seen is None:
-            return
-        cache.keep(folders[0], bake, self.groups, self.seen, request.settings, exported.scene.surfaces,
-                   exported.bindings)
-        if request.group_layers:
-            write_group_files(bake, request, outputs)
+            return None
+        return cache.stage(self.folders[0], bake, self.groups, self.seen, request.settings, exported.scene.surfaces,
+                           exported.bindings)
+
+    def place(self, staged: Path | None) -> None:
+        """Put it there. Without groups what an earlier bake kept there goes: its light belongs to other images.
+
+        Raises
+        ------
+        OutputError
+            If that can't be done.
+        """
+        for folder in self.folders:
+            cache.clear(folder)
+        if staged is not None:
+            cache.place(staged, self.folders[0])

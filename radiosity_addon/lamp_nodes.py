@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from ..solver.luminaire import NATURAL, Fade, Falloff
 from . import compat, lamp_render, node_hash
+from .parts import Parts, whole
 from .sockets import Colour, Reader
 from .warn import Warnings, warn
 
@@ -46,7 +47,12 @@ _kept: dict[str, tuple[LampEmission, tuple[str, ...]]] = {}
 
 
 def read_emissions(lights: Iterable[Any], warnings: Warnings) -> Emissions:
-    """The nodes of lamps, by the full name of their data. Renders, so it can't be called while rendering.
+    """`emission_parts` at once."""
+    return whole(emission_parts(lights, warnings))
+
+
+def emission_parts(lights: Iterable[Any], warnings: Warnings) -> Parts[Emissions]:
+    """The nodes of lamps, by the full name of their data, each a part. Renders, so not while rendering.
 
     Parameters
     ----------
@@ -58,7 +64,11 @@ def read_emissions(lights: Iterable[Any], warnings: Warnings) -> Emissions:
     SceneError
         If Cycles can't render a lamp's nodes.
     """
-    return {data.name_full: _read(data, warnings) for data in lights}
+    found: Emissions = {}
+    for data in list(lights):
+        found[data.name_full] = _read(data, warnings)
+        yield
+    return found
 
 
 def _read(data: Any, warnings: Warnings) -> LampEmission:

@@ -43,7 +43,7 @@ def intensity_pattern(data: Any) -> tuple[Float, Float]:
     SceneError
         If Cycles is not there or can't render it.
     """
-    with _plain_copy(data, "POINT") as bulb, _scene(bulb) as scene:
+    with _plain_copy(data, "POINT") as bulb, _scene(bulb, PATTERN_WIDTH, PATTERN_HEIGHT) as scene:
         # I = 1 W/sr without nodes.
         bulb.energy = 4 * np.pi
         bulb.shadow_soft_size = 0.0
@@ -51,7 +51,6 @@ def intensity_pattern(data: Any) -> tuple[Float, Float]:
         camera = scene.camera
         camera.data.type, camera.data.panorama_type = "PANO", "EQUIRECTANGULAR"
         camera.rotation_euler = (np.pi / 2, 0.0, -np.pi / 2)
-        scene.render.resolution_x, scene.render.resolution_y = PATTERN_WIDTH, PATTERN_HEIGHT
         with _box(scene):
             seen = cycles.rendered(scene, data.name)
     height, width = seen.shape[:2]
@@ -65,7 +64,7 @@ def face_pattern(data: Any) -> Float:
 
     Columns grow along its x, rows along its y.
     """
-    with _plain_copy(data, "AREA") as face, _scene(face) as scene:
+    with _plain_copy(data, "AREA") as face, _scene(face, FACE_SIDE, FACE_SIDE) as scene:
         face.shape, face.size, face.size_y = "RECTANGLE", 1.0, 1.0
         # A radiance of 1 without nodes.
         face.energy = np.pi
@@ -73,7 +72,6 @@ def face_pattern(data: Any) -> Float:
         camera = scene.camera
         camera.data.type, camera.data.ortho_scale = "ORTHO", 1.0
         camera.location, camera.rotation_euler = (0.0, 0.0, -1.0), (0.0, np.pi, 0.0)
-        scene.render.resolution_x = scene.render.resolution_y = FACE_SIDE
         # Seen from below, x runs to the left.
         return np.ascontiguousarray(cycles.rendered(scene, data.name)[:, ::-1])
 
@@ -103,7 +101,7 @@ def _plain_copy(data: Any, kind: str) -> Iterator[Any]:
 
 
 @contextmanager
-def _scene(lamp: Any) -> Iterator[Any]:
+def _scene(lamp: Any, width: int, height: int) -> Iterator[Any]:
     """A scene of its own with the lamp at its origin and a camera there; gone afterwards."""
     scene = bpy.data.scenes.new("radiosity lamp")
     camera = bpy.data.cameras.new("radiosity lamp")
@@ -113,10 +111,10 @@ def _scene(lamp: Any) -> Iterator[Any]:
             scene.collection.objects.link(item)
         scene.camera = placed[1]
         camera.clip_start = 1e-3
-        cycles.set_up_render(scene)
+        cycles.set_up_render(scene, width, height, samples=1)
         scene.cycles.max_bounces = 0
         # Rays through the pixels' middles alone.
-        scene.cycles.samples, scene.cycles.filter_width = 1, 0.01
+        scene.cycles.filter_width = 0.01
         scene.cycles.light_sampling_threshold = 0.0
         yield scene
     finally:

@@ -1,6 +1,6 @@
 """A bake that can be watched: a first look, drafts, and the result, each shown as soon as it is there.
 
-    first look   a few thousand places of the scene, at once                       first_look.py
+    first look   a few thousand places of the scene, while it is still read        first_look.py
     unwrap       the layout that drafts and result share
     drafts       the whole way of the light, coarser: what "Good Enough" keeps
     result       as a bake in background makes it
@@ -17,14 +17,14 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 from ..solver.bake import bake
-from ..solver.errors import Cancelled
+from ..solver.errors import Cancelled, RadiosityError
 from ..solver.layout import Layout, make_layout
 from ..solver.result import Bake
 from ..solver.scene import Scene
 from ..solver.settings import Settings
+from .export import Exported
 from .first_look import first_look
 from .job import Job
-from .keeping import KeptGroups
 from .layouts import with_shared_layouts
 from .look import look_at
 from .progress import STAGE_WEIGHTS, Progress
@@ -50,10 +50,7 @@ class Step:
 
 
 class LiveJob(Job):
-    """A job (see there) with looks on the way.
-
-    look : the newest, for the viewport.
-    """
+    """A job (see there) with looks on the way: `look` is the newest, for the viewport."""
 
     def __init__(self, request: Request, scene: Any, view_layer: Any) -> None:
         super().__init__(request, scene, view_layer)
@@ -62,6 +59,9 @@ class LiveJob(Job):
                                  DRAFT: LOOK_WEIGHTS[DRAFT], **STAGE_WEIGHTS}
         self._enough = threading.Event()
         self._kept: Bake | None = None
+        self._glance = self._look_first
+        self._looking: threading.Thread | None = None
+        self._looking_failure: BaseException | None = None
 
     @property
     def can_keep(self) -> bool:
@@ -79,17 +79,42 @@ class LiveJob(Job):
         else:
             self.cancel()
 
-    def _work(self) -> None:
-        try:
-            self._bake = self._sharpen()
-        except BaseException as error:  # noqa: BLE001 - it is raised again in Blender's thread, by finish()
-            self._failure = error
+    def close(self) -> None:
+        """As a job's."""
+        self.cancel()
+        if self._looking is not None:
+            self._looking.join()
+        super().close()
 
-    def _sharpen(self) -> Bake:
+    def _look_first(self, exported: Exported) -> None:
+        """Start a first look at a coarse export, while the rest is still read."""
+        self._looking = threading.Thread(target=self._look_at, args=(exported,), name="radiosity look", daemon=True)
+        self._looking.start()
+
+    def _look_at(self, exported: Exported) -> None:
+        progress = self._as_stage(FIRST_LOOK)
+
+        def tell(stage: str, fraction: float) -> None:
+            # Until then what is read is told of.
+            if self._thread is not None:
+                progress(stage, fraction)
+
+        try:
+            with self._timed(FIRST_LOOK):
+                self.look = first_look(exported.scene, exported.settings, tell, self._cancel.is_set)
+        except RadiosityError:
+            # What is wrong with the scene itself the bake tells; what Cycles has not evaluated yet may be wrong here.
+            pass
+        except BaseException as error:  # noqa: BLE001 - it is raised again by the worker
+            self._looking_failure = error
+
+    def _baked(self) -> Bake:
         assert self._exported is not None
-        with self._timed(FIRST_LOOK):
-            self.look = first_look(self._exported.scene, self._exported.settings, self._as_stage(FIRST_LOOK),
-                                   self._cancel.is_set)
+        assert self._groups is not None
+        if self._looking is not None:
+            self._looking.join()
+        if self._looking_failure is not None:
+            raise self._looking_failure
         with self._timed("unwrap"):
             scene, settings = with_shared_layouts(self._exported.scene, self._exported.bindings,
                                                   self._exported.settings, self.warnings, self._unwrapping)
@@ -98,7 +123,7 @@ class LiveJob(Job):
                 layout = make_layout(scene, settings, self.warnings, self._unwrapping)
         for step in steps(settings, layout):
             try:
-                self._kept = self._baked(scene, step)
+                self._kept = self._step(scene, step)
             except Cancelled:
                 # Cancelled, or good enough: then the last draft stays.
                 if self._cancel.is_set() or self._kept is None:
@@ -106,9 +131,12 @@ class LiveJob(Job):
                 break
             self.look = look_at(scene, self._kept, settings.quantity, f"error {step.settings.error:.2g}")
         assert self._kept is not None
+        if "good_enough" in self._kept.report and self.request.groups != "none":
+            self._groups = self._groups.none()
+            warn(self.warnings, "", "no_groups", "good enough keeps no light groups: let the bake end to relight")
         return self._kept
 
-    def _baked(self, scene: Scene, step: Step) -> Bake:
+    def _step(self, scene: Scene, step: Step) -> Bake:
         assert self._groups is not None
         if step.is_result:
             return bake(scene, step.settings, self.progress, self._is_over, self._groups.for_solver, step.layout,
@@ -131,14 +159,6 @@ class LiveJob(Job):
             self.progress(name, inside.fraction)
 
         return tell
-
-    def finish(self) -> Any:
-        """As a job's; of a draft no light groups are kept."""
-        self.wait(threading.TIMEOUT_MAX)
-        if self._bake is not None and "good_enough" in self._bake.report and self.request.groups != "none":
-            self._groups = KeptGroups()
-            warn(self.warnings, "", "no_groups", "good enough keeps no light groups: let the bake end to relight")
-        return super().finish()
 
 
 def steps(settings: Settings, layout: Layout | None) -> list[Step]:

@@ -51,8 +51,7 @@ def mean_colours(scene: Scene) -> tuple[Float, Float]:
 
 
 def _textured(scene: Scene, factor: Any, texture: Any) -> Float:
-    means = [item.pixels.mean(axis=(0, 1)) for item in scene.textures]
-    table = np.array([*means, np.ones(3)], np.float32)
+    table = np.array([*(texture.mean for texture in scene.textures), np.ones(3)], np.float32)
     return np.asarray(np.asarray(factor) * table[texture], np.float32)
 
 

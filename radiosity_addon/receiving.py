@@ -72,7 +72,7 @@ def _bind(item: Shown, settings: Settings, warnings: Warnings, convert: bool) ->
         # One line for all instances that one object makes.
         name = item.name if item.own_mesh else item.original.name
         warn(warnings, name, "not_baked", f"is not baked, it {obstacle}")
-    same = item.own_mesh and _same_topology(item.mesh, item.original.data)
+    same = item.own_mesh and (_is_plain(item.original) or _same_topology(item.mesh, item.original.data))
     mesh = item.original.data.name if item.own_mesh else ""
     layout = ("" if not item.own_mesh else f"mesh {mesh}" if same else f"object {item.original.name}")
     return Binding(item.name, item.original.name, item.instancer, mesh, wanted and not obstacle, same, layout,
@@ -114,6 +114,11 @@ def _obstacle(item: Shown, settings: Settings, linked: bool, convert: bool) -> s
 def _has_room(mesh: Any) -> bool:
     """Whether the mesh can hold our UV map."""
     return len(mesh.uv_layers) < MOST_UV_MAPS or mesh.get(UV_MARK, "") in mesh.uv_layers
+
+
+def _is_plain(item: Any) -> bool:
+    """Whether nothing makes another mesh of an object's own."""
+    return not item.modifiers and item.data.shape_keys is None
 
 
 def _same_topology(evaluated: Any, original: Any) -> bool:

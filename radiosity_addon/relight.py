@@ -23,11 +23,12 @@ from . import blend_file, cache, compat, report
 from .binding import Binding
 from .changes import changes, reflect_otherwise, refuse
 from .export import Exported, export_surfaces
-from .group_files import write_group_files
 from .job import Job, Outcome
 from .light_groups import Group
 from .memory import peak_memory_bytes
+from .parts import whole
 from .request import Request, remove_empty
+from .staging import stage
 from .summary import print_outcome, print_warnings
 from .survey import survey
 from .warn import Warnings
@@ -71,9 +72,11 @@ def relight(request: Request, scene: Any, view_layer: Any, warnings: Warnings) -
         start = time.perf_counter()
         done = replace(request, settings=relit.kept.settings)
         exported = _exported(relit.kept)
-        outputs = write_back(exported, relit.bake, done, scene, view_layer, warnings)
-        if done.group_layers:
-            write_group_files(relit.bake, done, outputs)
+        staged = stage(relit.bake, done)
+        try:
+            outputs = whole(write_back(exported, relit.bake, staged, done, scene, view_layer, warnings))
+        finally:
+            staged.close()
         if done.save is not None:
             blend_file.save_copy(done.save)
         stages["write"] = time.perf_counter() - start

@@ -1,7 +1,8 @@
 """Materials on triangles: reflectance, emission, opacity and textures, as columns of the solver's scene.
 
-What can be read from the nodes is put down at once; what Cycles has to evaluate is noted, and put in its place by
-`evaluate` after the dependency graph is gone, as Cycles can't bake while we are a render ourselves.
+What can be read from the nodes is put down at once. Images are read by `read_images`, and what Cycles has to evaluate
+is put in its place by `evaluate`, both after the dependency graph is gone: Cycles can't bake while we are a render
+ourselves.
 """
 
 from __future__ import annotations
@@ -16,10 +17,11 @@ from ..solver.errors import RadiosityError
 from ..solver.scene import Texture
 from . import evaluate, node_hash
 from .evaluate import Evaluated, Request
-from .images import read_texture
+from .images import texture_parts
 from .materials import FAINT, HIGHEST, Shading, read_material, settled, tell_passing
 from .mesh_arrays import MeshArrays, read_uv
 from .mesh_part import take_part
+from .parts import Parts
 from .sockets import Colour, ImageUse
 from .triangle_cells import Cells
 from .visible import Shown
@@ -67,6 +69,7 @@ class SurfaceMaterials:
         self._slots: dict[str, Slot] = {}
         self._read: dict[tuple[str, bool], int] = {}
         self._pending: list[tuple[_Place, Request, list[int]]] = []
+        self._with_images: list[_Place] = []
 
     def slot(self, material: Any) -> Slot:
         """A material as a slot; None is an empty one."""
@@ -79,7 +82,8 @@ class SurfaceMaterials:
             self.names.append(name or "(no material)")
             if shading.passes_light:
                 self._note(self.names[-1], shading, np.zeros(3), shading.lost, shading.passing)
-        return self._slots[name]
+        # The bpy material is of this dependency graph, the rest of it is known.
+        return replace(self._slots[name], material=material)
 
     def columns(self, item: Shown, mesh: MeshArrays, index: Int, slots: list[Slot], order: list[int]) -> Columns:
         """Columns for the triangles of a mesh, whose materials are `slots[index]`; corners in the given order."""
@@ -98,54 +102,67 @@ class SurfaceMaterials:
 
     def _put_slot(self, place: _Place, item: Shown, mesh: MeshArrays, slot: Slot, order: list[int]) -> None:
         shading = slot.shading
+        self._lay_out(place, item, mesh, order)
+        self._put_plain(place)
         if shading.guessed_parts:
-            # What stands here if Cycles can't evaluate it: the guess, with texture coordinates for its images.
-            self._lay_out(place, item, mesh, order)
+            # Until then the guess stands here, with texture coordinates for its images.
             request = evaluate.request(item, slot.material, take_part(item.mesh, mesh), shading)
             self._pending.append((place, request, order))
             if node_hash.uses(slot.material.node_tree, AROUND):
                 warn(self.warnings, place.material, "material", "has Ambient Occlusion or Bevel nodes, which see "
                      "nothing here but the faces of this material on one object: bake them to an image first")
         else:
-            self._lay_out(place, item, mesh, order)
-            self._put(place)
+            self._with_images.append(place)
 
-    def evaluate(self, frame: int) -> None:
-        """Let Cycles evaluate what waits for it, and put it in its place."""
+    def read_images(self) -> Parts[None]:
+        """Read the images of all that was added, and put them in their places, a part each."""
+        for place in self._with_images:
+            yield from self._put(place)
+            yield
+        self._with_images.clear()
+
+    def evaluate(self, frame: int) -> Parts[None]:
+        """Let Cycles evaluate what waits for it, a part each, and put it in its place."""
         if not self._pending:
             return
         try:
-            results = evaluate.evaluate([request for _, request, _ in self._pending], frame)
+            results = yield from evaluate.evaluate([request for _, request, _ in self._pending], frame)
         except RadiosityError as cause:
             for place, _, _ in self._pending:
                 warn(self.warnings, place.material, "material", f"could not be evaluated by Cycles on object "
                      f"{place.object!r} ({cause}): plain values are used instead, as told")
-                self._put(replace(place, shading=settled(place.shading, place.material, self.warnings)))
+                yield from self._put(replace(place, shading=settled(place.shading, place.material, self.warnings)))
             return
         for (place, _, order), result in zip(self._pending, results, strict=True):
-            self._put_evaluated(place, result, order)
+            yield from self._put_evaluated(place, result, order)
+            yield
 
-    def _put(self, place: _Place) -> None:
-        """Put down a shading that is settled."""
+    def _put_plain(self, place: _Place) -> None:
+        """Put down a shading, its images left away."""
         shading, columns, rows = place.shading, place.columns, place.rows
         columns["reflectance"][rows] = shading.reflectance.factor
         columns["emission"][rows] = shading.emission.factor
         columns["opacity"][rows] = shading.opacity
+
+    def _put(self, place: _Place) -> Parts[None]:
+        """Put down a shading that is settled, with its images."""
+        shading, columns, rows = place.shading, place.columns, place.rows
+        self._put_plain(place)
         mean = np.asarray(shading.reflectance.factor)
         for name, colour in (("reflectance", shading.reflectance), ("emission", shading.emission)):
             if colour.image is not None:
-                number = self._image_texture(colour, name == "reflectance", place.material)
+                number = yield from self._image_texture(colour, name == "reflectance", place.material)
                 columns[f"{name}_texture"][rows] = number
                 if name == "reflectance":
-                    mean = mean * self.textures[number].pixels.mean(axis=(0, 1))
+                    mean = mean * self.textures[number].mean
         self._note(place.material, shading, mean, shading.lost, shading.passing)
 
-    def _put_evaluated(self, place: _Place, result: Evaluated, order: list[int]) -> None:
+    def _put_evaluated(self, place: _Place, result: Evaluated, order: list[int]) -> Parts[None]:
         """Put down what Cycles made of a material."""
         shading, parts, inside = place.shading, result.parts, result.cells.inside()
         lost = float(_mean(parts["lost"], inside).mean()) if "lost" in parts else shading.lost
         if set(parts) <= {"lost"}:
-            self._put(replace(place, shading=replace(
+            yield from self._put(replace(place, shading=replace(
                 settled(replace(shading, guesses=()), place.material, self.warnings), lost=lost)))
             return
         reflected = parts.get("reflectance", np.array(shading.reflectance.factor, np.float32))
@@ -185,12 +202,12 @@ class SurfaceMaterials:
                 "name": name, "diffuse_reflectance": [round(float(value), 6) for value in reflectance],
                 "passes": round(passing, 6), "not_carried": round(lost, 6), "reason": "; ".join(shading.reasons)}
 
-    def _image_texture(self, colour: Colour, reflects: bool, material: str) -> int:
+    def _image_texture(self, colour: Colour, reflects: bool, material: str) -> Parts[int]:
         """Index of an image among the scene's textures."""
         assert colour.image is not None
         key = (colour.image.image.name_full, reflects)
         if key not in self._read:
-            texture = read_texture(colour.image.image, material, self.warnings)
+            texture = yield from texture_parts(colour.image.image, material, self.warnings)
             if reflects and texture.pixels.max() >= 1:
                 if texture.pixels.max() > 1:
                     warn(self.warnings, material, "reflectance", f"its image {texture.name!r} has values up to "

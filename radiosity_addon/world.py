@@ -9,19 +9,31 @@ from numpy.typing import NDArray
 
 from ..solver.lights import Light
 from ..solver.scene import Sky
-from ..solver.sky_lamps import peel
+from ..solver.sky_lamps import peel_parts
 from ..solver.sky_picture import Window
-from . import compat, cycles
+from . import compat, world_render
+from .parts import ENDLESS, Parts, whole
 from .sockets import Reader
 from .warn import Warnings, warn
+from .world_render import FINE, Map
 
 Float = NDArray[np.floating[Any]]
+World = tuple[Sky, tuple[Light, ...]]
 
 CODE = "world"
 
 
 def read_world(world: Any, warnings: Warnings) -> tuple[Sky, tuple[Light, ...]]:
-    """The sky: constant where the node tree is a plain background, else rendered to a map by Cycles.
+    """`world_parts` at once."""
+    return whole(world_parts(world, warnings))
+
+
+def world_parts(world: Any, warnings: Warnings, size: Map = FINE, part_seconds: float = ENDLESS) -> Parts[World]:
+    """The sky: constant where the node tree is a plain background, else rendered to a map by Cycles, in parts.
+
+    Parameters
+    ----------
+    size, part_seconds : as `world_render.map_parts`.
 
     Returns
     -------
@@ -39,19 +51,31 @@ def read_world(world: Any, warnings: Warnings) -> tuple[Sky, tuple[Light, ...]]:
         return Sky(), ()
     flat = _constant(world, warnings)
     if flat is None:
-        whole = Sky(_clean(cycles.render_world(world), world, warnings))
-        lamps, rest = peel(whole, lambda axis, half_angle: _close_look(world, axis, half_angle, warnings), world.name)
-        return rest, lamps
+        radiance = yield from world_render.map_parts(world, size, part_seconds)
+        return (yield from _peeled(world, Sky(_clean(radiance, world, warnings)), warnings, closely=size == FINE))
     if (flat < 0).any():
         warn(warnings, world.name, CODE, "gives negative light: it counts as black")
     return Sky(np.clip(flat, 0, None)), ()
 
 
+def _peeled(world: Any, sky: Sky, warnings: Warnings, *, closely: bool) -> Parts[World]:
+    """The sky without its bright spots, and these as lamps; `closely` looks at small ones by renders of their own."""
+    peeling = peel_parts(sky, world.name)
+    seen: Window | None = None
+    while True:
+        try:
+            axis, half_angle = peeling.send(seen)
+        except StopIteration as end:
+            lamps, rest = end.value
+            return rest, lamps
+        seen = _close_look(world, axis, half_angle, warnings) if closely else None
+        yield
+
+
 def _close_look(world: Any, axis: Float, half_angle: float, warnings: Warnings) -> Window:
     right, up = Window.sides(axis)
     half = float(np.tan(half_angle))
-    return Window(axis, right, up, half, _clean(cycles.render_world_window(world, axis, right, up, half), world,
-                                                warnings))
+    return Window(axis, right, up, half, _clean(world_render.window(world, axis, right, up, half), world, warnings))
 
 
 def _clean(radiance: Float, world: Any, warnings: Warnings) -> Float:

@@ -10,8 +10,7 @@ import bpy
 import numpy as np
 from numpy.typing import NDArray
 
-from ..solver.quantities import PREFIX, header
-from ..solver.result import Bake, Lightmap
+from ..solver.result import Bake
 from ..solver.scene import Surface
 from . import baked_images, mesh_layers, patch_mesh, preview
 from .baked_images import MARK
@@ -19,20 +18,23 @@ from .binding import Binding
 from .conversion import convert
 from .export import Exported
 from .modifiers import apply_modifiers
+from .parts import Parts
 from .report import relative_to_report
 from .request import Request
 from .results import remember
+from .staging import Staged
 from .warn import Warnings, warn
 
 Float = NDArray[np.floating[Any]]
 
-# Characters of the objects' names in a header, so that its own mark stays where `is_our_file` looks for it.
-MOST_NAMES = 16384
 
+def write_back(exported: Exported, bake: Bake, staged: Staged, request: Request, scene: Any, view_layer: Any,
+               warnings: Warnings) -> Parts[list[dict[str, Any]]]:
+    """Put all results in their places, an object a part.
 
-def write_back(exported: Exported, bake: Bake, request: Request, scene: Any, view_layer: Any,
-               warnings: Warnings) -> list[dict[str, Any]]:
-    """Write all results.
+    Parameters
+    ----------
+    staged : the bake's files.
 
     Returns
     -------
@@ -41,30 +43,36 @@ def write_back(exported: Exported, bake: Bake, request: Request, scene: Any, vie
     Raises
     ------
     OutputError
-        If a file can't be written; the .blend is as it was then.
+        If a file can't be put in its place; the .blend is as it was then.
     """
     if request.apply_modifiers:
         bindings = convert(scene, view_layer, exported.bindings, warnings)
         exported = replace(exported, bindings=bindings)
-    outputs = _write(exported, bake, request, scene, view_layer, warnings)
+        yield
+    outputs = yield from _write(exported, bake, staged, request, scene, view_layer, warnings)
     if bake.patches is not None:
         patch_mesh.store(bake.patches, [binding.instancer or binding.object for binding in exported.bindings])
+        yield
     scene.radiosity_view.rows.clear()
     preview.refresh()
     return outputs
 
 
-def _write(exported: Exported, bake: Bake, request: Request, scene: Any, view_layer: Any,
-           warnings: Warnings) -> list[dict[str, Any]]:
+def _write(exported: Exported, bake: Bake, staged: Staged, request: Request, scene: Any, view_layer: Any,
+           warnings: Warnings) -> Parts[list[dict[str, Any]]]:
     if request.settings.target == "vertex":
-        stored = _store(exported, bake, request, scene, view_layer, warnings)
+        stored = yield from _store(exported, bake, request, scene, view_layer, warnings)
         for binding in exported.bindings:
             _remember(binding, request, stored.get(binding.surface))
         return [_entry(binding, request, attribute=stored.get(binding.surface))
                 for binding in exported.bindings if binding.receives]
-    paths = _write_files(bake, request)
-    images = _make_images(bake, request, paths)
-    stored = _store(exported, bake, request, scene, view_layer, warnings)
+    paths, layers = staged.place(bake, request.output) if request.output is not None else ([], [])
+    images = []
+    for number, page in enumerate(bake.lightmaps):
+        images.append(baked_images.linked_image(page.name, paths[number], bpy.data.filepath, pack=request.pack) if paths
+                      else baked_images.packed_image(page.name, staged.images[number]))
+        yield
+    stored = yield from _store(exported, bake, request, scene, view_layer, warnings)
     outputs = []
     for binding, page in zip(exported.bindings, bake.page_of_surface, strict=True):
         if page < 0:
@@ -74,37 +82,14 @@ def _write(exported: Exported, bake: Bake, request: Request, scene: Any, view_la
         height, width = bake.lightmaps[page].pixels.shape[:2]
         outputs.append(_entry(binding, request, uv_layer=stored.get(binding.surface), image=name,
                               resolution=[int(width), int(height)]))
+        if layers:
+            outputs[-1]["groups"] = relative_to_report(layers[page], request.report_path)
     return outputs
 
 
 def _entry(binding: Binding, request: Request, **fields: Any) -> dict[str, Any]:
     return {"object": binding.surface, "target": request.settings.target, "uv_layer": None, "image": None,
             "resolution": None, **fields}
-
-
-def _write_files(bake: Bake, request: Request) -> list[Any]:
-    """One EXR file a lightmap, in their order; none without an output folder."""
-    if request.output is None:
-        return []
-    taken: set[Any] = set()
-    return [baked_images.write_file(request.output, lightmap.name, lightmap.pixels, _header(bake, lightmap, request),
-                                    taken)
-            for lightmap in bake.lightmaps]
-
-
-def _header(bake: Bake, lightmap: Lightmap, request: Request) -> dict[str, str | float]:
-    """What a file says of its numbers, and which objects it holds."""
-    return {**header(request.settings, bake.report), "software": "Radiosity Lightmaps",
-            f"{PREFIX}objects": ", ".join(lightmap.surfaces)[:MOST_NAMES]}
-
-
-def _make_images(bake: Bake, request: Request, paths: Sequence[Any]) -> list[Any]:
-    """One Blender image a lightmap, in their order."""
-    if not paths:
-        return [baked_images.packed_image(lightmap.name, lightmap.pixels, _header(bake, lightmap, request))
-                for lightmap in bake.lightmaps]
-    return [baked_images.linked_image(lightmap.name, path, bpy.data.filepath, pack=request.pack)
-            for lightmap, path in zip(bake.lightmaps, paths, strict=True)]
 
 
 def _remember(binding: Binding, request: Request, layer: str | None, image: Any = None) -> None:
@@ -119,7 +104,7 @@ def _remember(binding: Binding, request: Request, layer: str | None, image: Any 
 
 
 def _store(exported: Exported, bake: Bake, request: Request, scene: Any, view_layer: Any,
-           warnings: Warnings) -> dict[str, str]:
+           warnings: Warnings) -> Parts[dict[str, str]]:
     """Put UV maps or colours on the meshes; what each surface got: its layer's name."""
     uv_layer = request.settings.uv_layer if request.settings.target == "lightmap" else None
     receivers = [(index, binding) for index, binding in enumerate(exported.bindings) if binding.receives]
@@ -129,6 +114,7 @@ def _store(exported: Exported, bake: Bake, request: Request, scene: Any, view_la
     applied: set[str] = set()
     if blocked and request.apply_modifiers:
         applied = apply_modifiers(scene, view_layer, blocked, warnings)
+        yield
     stored: dict[str, str] = {}
     done: dict[str, str] = {}
     for index, binding in receivers:
@@ -147,6 +133,7 @@ def _store(exported: Exported, bake: Bake, request: Request, scene: Any, view_la
                 done[binding.layout] = mesh_layers.put_uv(
                     mesh, _on_corners(surface, bake.uv[index], len(mesh.loops)), binding.object)
             stored[binding.surface] = done[binding.layout]
+        yield
     return stored
 
 

@@ -42,6 +42,11 @@ class Texture:
             raise SceneError(f"texture {self.name!r} has a value that is negative or not finite: mend the image")
         object.__setattr__(self, "pixels", _frozen(pixels))
 
+    @cached_property
+    def mean(self) -> Float:
+        """(3,) float32 of all pixels."""
+        return np.asarray(self.pixels.mean(axis=(0, 1)))
+
 
 @dataclass(frozen=True, eq=False)
 class Sky:

@@ -11,7 +11,7 @@ environment maps: Pharr & Humphreys 2004, section 14.2).
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Generator
 from dataclasses import dataclass
 from typing import Any
 
@@ -30,6 +30,7 @@ Int = NDArray[np.integer[Any]]
 
 # (axis (3,) unit, half angle in radians) -> what is seen there.
 CloseLook = Callable[[Float, float], Window]
+Peeled = tuple[tuple[Light, ...], Sky]
 
 # Texels brighter than this many times the mean of what is left become lamps. Gather rays find fainter ones.
 CONTRAST = 6.0
@@ -60,6 +61,21 @@ def peel(sky: Sky, close_look: CloseLook | None = None, name: str = "sky") -> tu
     -------
     The lamps, and the sky that is left.
     """
+    peeling = peel_parts(sky, name)
+    window: Window | None = None
+    while True:
+        try:
+            wanted = peeling.send(window)
+        except StopIteration as end:
+            peeled: Peeled = end.value
+            return peeled
+        window = close_look(*wanted) if close_look is not None else None
+
+
+def peel_parts(sky: Sky, name: str) -> Generator[tuple[Float, float], Window | None, Peeled]:
+    """`peel` for a caller that looks closely in its own time: yields the axis (3,) and half angle of each close look,
+    and is sent what it shows; None where the map is all there is.
+    """
     if sky.radiance.ndim == 1:
         return (), sky
     whole = SkyMap(sky.radiance)
@@ -74,7 +90,7 @@ def peel(sky: Sky, close_look: CloseLook | None = None, name: str = "sky") -> tu
     rest = whole.radiance.copy()
     lamps: list[Light] = []
     for spot in _spots(whole, bright):
-        for seen, taken in _looked_at(spot, whole, level, total, close_look):
+        for seen, taken in (yield from _looked_at(spot, whole, level, total)):
             if _is_faint(seen, level):
                 continue
             rest[taken.row, taken.column] -= taken.light
@@ -156,19 +172,21 @@ def _is_faint(spot: _Spot, level: float) -> bool:
     return spot.power < LEAST_SHARE * 4 * np.pi * level / CONTRAST and peak < (LEAST_PEAK - 1) * level
 
 
-def _looked_at(spot: _Spot, whole: SkyMap, level: float, total: float,
-               close_look: CloseLook | None) -> list[tuple[_Spot, _Spot]]:
+def _looked_at(spot: _Spot, whole: SkyMap, level: float,
+               total: float) -> Generator[tuple[Float, float], Window | None, list[tuple[_Spot, _Spot]]]:
     """A spot in one or two parts, its core from close by: each as it is seen, and as it stands on the map."""
     brightness = spot.light.mean(axis=1)
     core = spot.take(np.flatnonzero(brightness > CORE * brightness.max()))
     axis, half_angle = core.cap()
-    if close_look is None or half_angle > SMALL or core.power < CORE_SHARE * total:
+    if half_angle > SMALL or core.power < CORE_SHARE * total:
         return [(spot, spot)]
     reach = half_angle + 2 * whole.texel_angle
     near = spot.texels.direction @ axis > np.cos(reach)
     stands_for = np.zeros((whole.height, whole.width), bool)
     stands_for[spot.row[near], spot.column[near]] = True
-    window = close_look(axis, reach + whole.texel_angle)
+    window = yield axis, reach + whole.texel_angle
+    if window is None:
+        return [(spot, spot)]
     seen = window.radiance.mean(axis=2)
     row, column = np.nonzero(seen > level)
     kept = np.flatnonzero(stands_for[whole.place(window.texels(row, column).direction)])

@@ -64,7 +64,9 @@ def test_baking_again_replaces_our_image_wherever_it_is_used(build, tmp_path):
 
 def test_a_packed_image_keeps_every_bit_in_the_blend(build, tmp_path):
     # Values up to 100,000, above what half floats hold. Exact answer: the same bits after saving and opening.
-    baked_images.packed_image("Lightmap_1", PIXELS)
+    path = baked_images.write_file(tmp_path, "Lightmap_1", PIXELS, {}, set())
+    baked_images.packed_image("Lightmap_1", path)
+    path.unlink()
     bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / "packed.blend"))
     bpy.ops.wm.open_mainfile(filepath=str(tmp_path / "packed.blend"))
     image = bpy.data.images["Lightmap_1"]
@@ -138,7 +140,8 @@ def test_clear_takes_away_what_is_ours_and_nothing_else(build, tmp_path):
     square.data.uv_layers.new(name="Paint")
     mesh_layers.put_uv(square.data, np.zeros((4, 2), np.float32), "Square")
     mesh_layers.put_colours(square.data, "Radiosity", np.zeros((4, 3), np.float32))
-    square[baked_images.MARK] = baked_images.packed_image("Lightmap_1", PIXELS)
+    path = baked_images.write_file(tmp_path, "Lightmap_1", PIXELS, {}, set())
+    square[baked_images.MARK] = baked_images.packed_image("Lightmap_1", path)
     assert clear() == (1, 1)
     assert [image.name for image in bpy.data.images] == ["Photo"]
     assert [layer.name for layer in square.data.uv_layers] == ["Paint"]

@@ -1,0 +1,104 @@
+"""The files of a result, written whole beside their places by whichever thread, and put there by Blender's.
+
+    images      one EXR file a lightmap
+    layers      one EXR file a lightmap with the light groups, where they are asked for
+    groups      what a relight needs (`cache`), where it is kept
+"""
+
+from __future__ import annotations
+
+import os
+import shutil
+import tempfile
+from dataclasses import dataclass
+from pathlib import Path
+
+from ..solver.errors import OutputError
+from ..solver.quantities import PREFIX, header
+from ..solver.result import Bake, Lightmap
+from . import baked_images, group_files
+from .request import Request
+
+# Characters of the objects' names in a header, so that its own mark stays where `is_our_file` looks for it.
+MOST_NAMES = 16384
+
+
+@dataclass(frozen=True)
+class Staged:
+    """Files on their way.
+
+    folder : holds them; it goes with `close`.
+    images, layers : in the order of the lightmaps; `layers` may be empty.
+    """
+
+    folder: Path
+    images: tuple[Path, ...]
+    layers: tuple[Path, ...]
+
+    def place(self, bake: Bake, output: Path) -> tuple[list[Path], list[Path]]:
+        """Put all files into the output folder: paths of images and of layers, in the order of the lightmaps.
+
+        Raises
+        ------
+        OutputError
+            If that can't be done.
+        """
+        taken: set[Path] = set()
+        names = [page.name for page in bake.lightmaps]
+        images = [_moved(file, baked_images.free_path(output, name, taken))
+                  for file, name in zip(self.images, names, strict=True)]
+        layers = [_moved(file, baked_images.free_path(output, name + group_files.SUFFIX, taken))
+                  for file, name in zip(self.layers, names, strict=bool(self.layers))]
+        return images, layers
+
+    def close(self) -> None:
+        """What was not put anywhere goes."""
+        shutil.rmtree(self.folder, ignore_errors=True)
+
+
+def stage(bake: Bake, request: Request) -> Staged:
+    """Write the images of a bake; touches no bpy.
+
+    Raises
+    ------
+    OutputError
+        If a file can't be written.
+    """
+    folder = _folder(request.output)
+    try:
+        images = tuple(folder / f"image_{number}.exr" for number in range(len(bake.lightmaps)))
+        for page, path in zip(bake.lightmaps, images, strict=True):
+            baked_images.write_marked(path, page.pixels, _header(bake, page, request))
+        layers: tuple[Path, ...] = ()
+        if request.group_layers and request.output is not None and bake.groups.layers:
+            layers = tuple(folder / f"layers_{number}.exr" for number in range(len(bake.lightmaps)))
+            for number, path in enumerate(layers):
+                group_files.write(path, bake, number, request.settings)
+    except BaseException:
+        shutil.rmtree(folder, ignore_errors=True)
+        raise
+    return Staged(folder, images, layers)
+
+
+def _folder(output: Path | None) -> Path:
+    """A folder of our own, on the same disk as the places that the files will go to."""
+    try:
+        return Path(tempfile.mkdtemp(prefix=".radiosity-", dir=output))
+    except OSError as cause:
+        raise OutputError(f"folder {output} can't be written to ({(cause.strerror or '').lower()}): "
+                          "change its rights or choose another folder") from cause
+
+
+def _moved(file: Path, path: Path) -> Path:
+    try:
+        os.replace(file, path)
+    except OSError as cause:
+        raise OutputError(f"{path} can't be written ({(cause.strerror or '').lower()}): check the folder's rights and "
+                          "space") from cause
+    return path
+
+
+def _header(bake: Bake, lightmap: Lightmap, request: Request) -> dict[str, str | float]:
+    """What a file says of its numbers, and which objects it holds."""
+    return {**header(request.settings, bake.report), "software": "Radiosity Lightmaps",
+            f"{PREFIX}objects": ", ".join(lightmap.surfaces)[:MOST_NAMES]}
