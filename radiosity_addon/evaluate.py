@@ -132,7 +132,9 @@ def _evaluate(one: Request, budget: int, frame: int) -> Parts[Evaluated]:
     for name in one.parts():
         key = f"{one.digest} {name} {budget} {frame}"
         if key not in _cache:
-            _remember(key, _bake(one, name, cells, frame))
+            pixels = _bake(one, name, cells, frame)
+            yield
+            _remember(key, _simple(pixels, cells))
             yield
         _cache.move_to_end(key)
         parts[name] = _cache[key]
@@ -157,6 +159,7 @@ def _longest(corners: Float) -> Float:
 
 
 def _bake(one: Request, name: str, cells: Cells, frame: int) -> Float:
+    """What Cycles makes of a part of a material, as `cycles.bake_emission`."""
     meshes = make_mesh(one.part, cells.uv(MARGIN))
     groups: list[Any] = []
     copy = one.material.copy()
@@ -179,7 +182,7 @@ def _bake(one: Request, name: str, cells: Cells, frame: int) -> Float:
         bpy.data.materials.remove(copy)
         for group in groups:
             bpy.data.node_groups.remove(group)
-    return _simple(pixels, cells)
+    return pixels
 
 
 def _simple(pixels: Float, cells: Cells) -> Float:

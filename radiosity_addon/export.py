@@ -83,11 +83,12 @@ def export_parts(scene: Any, view_layer: Any, settings: Settings, warnings: Warn
     yield from assembly.materials.read_images()
     if glance is not None:
         sky, suns = yield from world_parts(scene.world, [], COARSE)
-        glance(_lit(found, (*found.lamps, *suns), sky, settings, []))
+        glance((yield from _lit(found, (*found.lamps, *suns), sky, settings, [])))
         yield
     sky, suns = yield from world_parts(scene.world, warnings, FINE, part_seconds)
     yield from assembly.materials.evaluate(scene.frame_current)
-    return _lit(found, (*found.lamps, *suns), sky, settings, warnings)
+    yield
+    return (yield from _lit(found, (*found.lamps, *suns), sky, settings, warnings))
 
 
 def export_surfaces(scene: Any, view_layer: Any, settings: Settings) -> Scene:
@@ -104,8 +105,11 @@ def export_surfaces(scene: Any, view_layer: Any, settings: Settings) -> Scene:
     return assembly.scene((), Sky())
 
 
-def _lit(found: Surfaces, lights: tuple[Light, ...], sky: Sky, settings: Settings, warnings: Warnings) -> Exported:
-    made = with_fair_shares(found.assembly.scene(lights, sky), settings, warnings)
+def _lit(found: Surfaces, lights: tuple[Light, ...], sky: Sky, settings: Settings,
+         warnings: Warnings) -> Parts[Exported]:
+    made = found.assembly.scene(lights, sky)
+    yield
+    made = with_fair_shares(made, settings, warnings)
     if not any(surface.receives for surface in made.surfaces):
         raise NothingToBake("no object that is to be baked has an opaque face with an area")
     if not made.lights and made.sky.is_black and not np.asarray(made.emission).any():

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import os
 from collections.abc import Callable
 from typing import Any
@@ -29,8 +30,12 @@ SMALL_SIDE, ENLARGED = 256, 8
 PART_PIXELS = 2**18
 
 
-def texture_parts(image: Any, material: str, warnings: Warnings) -> Parts[Texture]:
+def texture_parts(image: Any, material: str, warnings: Warnings, highest: float = math.inf) -> Parts[Texture]:
     """The image's pixels as reflectance or light, some rows a part.
+
+    Parameters
+    ----------
+    highest : what brighter pixels are held to; those above 1 are told of.
 
     Raises
     ------
@@ -52,16 +57,22 @@ def texture_parts(image: Any, material: str, warnings: Warnings) -> Parts[Textur
     stored = values.reshape(height, width, channels)
     # An image that is enlarged is small.
     rows = height if max(width, height) <= SMALL_SIDE else max(1, PART_PIXELS // width)
-    decoded = []
+    decoded, brightest = [], 0.0
     for start in range(0, height, rows):
-        decoded.append(decode(stored[start:start + rows]))
+        pixels = decode(stored[start:start + rows])
+        if not np.isfinite(pixels).all() or pixels.min() < 0:
+            warn(warnings, material, "texture", f"image {image.name!r} has values that are negative or not finite: "
+                 "they count as black")
+            pixels = np.clip(np.nan_to_num(pixels, nan=0.0, posinf=0.0, neginf=0.0), 0.0, None)
+        brightest = max(brightest, float(pixels.max()))
+        decoded.append(np.minimum(pixels, np.float32(highest)))
         yield
-    pixels = np.concatenate(decoded)
-    if not np.isfinite(pixels).all() or pixels.min() < 0:
-        warn(warnings, material, "texture", f"image {image.name!r} has values that are negative or not finite: "
-             "they count as black")
-        pixels = np.clip(np.nan_to_num(pixels, nan=0.0, posinf=0.0, neginf=0.0), 0.0, None)
-    return Texture(_shrunk(pixels), image.name)
+    if brightest > 1 and math.isfinite(highest):
+        warn(warnings, material, "reflectance", f"its image {image.name!r} has values up to {brightest:g}: they are "
+             f"held to {highest}, choose a darker one")
+    whole_image = _shrunk(np.concatenate(decoded))
+    yield
+    return Texture(whole_image, image.name)
 
 
 def _tell_kind(image: Any, material: str, warnings: Warnings) -> None:

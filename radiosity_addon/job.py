@@ -100,7 +100,7 @@ class Job:
             self._exported = yield from export_parts(scene, layer, self.request.settings, self.warnings,
                                                      self.request.apply_modifiers, part_seconds, self._glance)
             yield
-            self._groups = KeptGroups.of(self._exported.scene, scene, layer, self.request)
+            self._groups = yield from KeptGroups.of(self._exported.scene, scene, layer, self.request, part_seconds)
         self.progress("export", 1.0)
 
     def start(self) -> None:

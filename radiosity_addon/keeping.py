@@ -12,8 +12,9 @@ from ..solver.scene import Scene
 from . import cache
 from .export import Exported
 from .light_groups import Group, make_groups
+from .parts import Parts
 from .request import Request
-from .survey import Survey, survey
+from .survey import Survey, survey_parts
 
 
 @dataclass(frozen=True, eq=False)
@@ -31,8 +32,9 @@ class KeptGroups:
     seen: Survey | None = None
 
     @classmethod
-    def of(cls, exported: Scene, scene: Any, view_layer: Any, request: Request) -> KeptGroups:
-        """The groups that are asked for.
+    def of(cls, exported: Scene, scene: Any, view_layer: Any, request: Request,
+           part_seconds: float) -> Parts[KeptGroups]:
+        """The groups that are asked for, in parts of about so many seconds.
 
         Raises
         ------
@@ -42,7 +44,7 @@ class KeptGroups:
         folders = tuple(cache.places(request.output, scene.name))
         if request.groups == "none":
             return cls(folders)
-        seen = survey(scene, view_layer)
+        seen = yield from survey_parts(scene, view_layer, part_seconds)
         made = make_groups(exported, seen, request.groups)
         return cls(folders, tuple(group for group, _ in made), tuple(group for _, group in made), seen)
 

@@ -11,7 +11,7 @@ Result = TypeVar("Result")
 Parts = Generator[None, None, Result]
 
 # Seconds that a part aims at in a window, and where nobody waits for one.
-WINDOW_PART, ENDLESS = 0.05, math.inf
+WINDOW_PART, ENDLESS = 0.03, math.inf
 
 
 def whole(parts: Parts[Result]) -> Result:

@@ -7,6 +7,7 @@ ourselves.
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -152,6 +153,7 @@ class SurfaceMaterials:
         for name, colour in (("reflectance", shading.reflectance), ("emission", shading.emission)):
             if colour.image is not None:
                 number = yield from self._image_texture(colour, name == "reflectance", place.material)
+                yield
                 columns[f"{name}_texture"][rows] = number
                 if name == "reflectance":
                     mean = mean * self.textures[number].mean
@@ -207,12 +209,8 @@ class SurfaceMaterials:
         assert colour.image is not None
         key = (colour.image.image.name_full, reflects)
         if key not in self._read:
-            texture = yield from texture_parts(colour.image.image, material, self.warnings)
-            if reflects and texture.pixels.max() >= 1:
-                if texture.pixels.max() > 1:
-                    warn(self.warnings, material, "reflectance", f"its image {texture.name!r} has values up to "
-                         f"{texture.pixels.max():g}: they are held to {HIGHEST}, choose a darker one")
-                texture = Texture(np.minimum(texture.pixels, np.float32(HIGHEST)), texture.name)
+            texture = yield from texture_parts(colour.image.image, material, self.warnings,
+                                               HIGHEST if reflects else math.inf)
             self._read[key] = len(self.textures)
             self.textures.append(texture)
         return self._read[key]
@@ -243,4 +241,7 @@ class SurfaceMaterials:
 
 def _mean(values: Float, inside: NDArray[np.bool_]) -> Float:
     """(3,) mean of one colour (3,) or of an image where it counts."""
-    return values if values.ndim == 1 else np.asarray(values[inside].mean(axis=0))
+    if values.ndim == 1:
+        return values
+    weight = inside.reshape(-1).astype(np.float32)
+    return np.asarray(weight @ values.reshape(-1, 3) / weight.sum())

@@ -6,23 +6,23 @@ Quick beside an export (arrays are summed as Blender holds them), so that a reli
 from __future__ import annotations
 
 from collections import defaultdict
-from dataclasses import asdict, dataclass, field, fields, is_dataclass
+from dataclasses import asdict, dataclass, field, fields, is_dataclass, replace
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ..solver.lights import Light
-from . import cycles, preview
 from .digest import digest
 from .knobs import knobs_of, rest_of
-from .lamp_nodes import Emissions, read_emissions
+from .lamp_nodes import Emissions, emission_parts
 from .lights import export_lights, lamp_data
 from .linking import Linking
 from .mesh_layers import COLOURS_MARK, UV_MARK
+from .parts import ENDLESS, Parts, whole
+from .render_walk import Clock, walk
 from .sockets import Triple
 from .visible import Shown, shown_meshes
-from .warn import Warnings
 
 # Fields of lamps that say how strong they are.
 STRENGTHS = frozenset({"flux", "irradiance_facing"})
@@ -85,6 +85,11 @@ class Survey:
 
 
 def survey(scene: Any, view_layer: Any) -> Survey:
+    """`survey_parts` at once."""
+    return whole(survey_parts(scene, view_layer))
+
+
+def survey_parts(scene: Any, view_layer: Any, part_seconds: float = ENDLESS) -> Parts[Survey]:
     """Look at a scene as a render shows it, by its own materials, whatever is shown.
 
     Raises
@@ -93,31 +98,48 @@ def survey(scene: Any, view_layer: Any) -> Survey:
         As an export does.
     """
     world = scene.world
-    emissions = read_emissions(lamp_data(scene), [])
-    with preview.suspended():
-        return cycles.with_render_depsgraph(
-            scene, view_layer, lambda depsgraph: _look(depsgraph, emissions, Source(rest_of(world), knobs_of(world))))
+    emissions = yield from emission_parts(lamp_data(scene), [])
+    looker = _Looker(emissions, Source(rest_of(world), knobs_of(world)))
+    yield from walk(scene, view_layer, looker.go_on, part_seconds)
+    return looker.found
 
 
-def _look(depsgraph: Any, emissions: Emissions, world: Source) -> Survey:
-    unheard: Warnings = []
-    shown = shown_meshes(depsgraph, unheard)
-    linking = Linking(depsgraph, shown)
-    lamps = export_lights(depsgraph, linking, unheard, emissions)
-    found = Survey(lamps=_lamps(lamps), world=world, lamp_count=len(lamps))
-    known: dict[int, str] = {}
-    for item in shown:
-        found.places[item.name] = digest(np.round(item.matrix, 9))
+class _Looker:
+    """Goes through what a render shows, from part to part."""
+
+    def __init__(self, emissions: Emissions, world: Source) -> None:
+        self.found = Survey(world=world)
+        self._emissions = emissions
+        self._done = 0
+
+    def go_on(self, depsgraph: Any, clock: Clock) -> bool:
+        """Look at the lamps, then at some meshes; whether these were the last."""
+        shown = shown_meshes(depsgraph, [])
+        linking = Linking(depsgraph, shown)
+        if not self._done:
+            lamps = export_lights(depsgraph, linking, [], self._emissions)
+            self.found = replace(self.found, lamps=_lamps(lamps), lamp_count=len(lamps))
+        known: dict[int, str] = {}
+        while self._done < len(shown):
+            self._add(shown[self._done], known, linking)
+            self._done += 1
+            if clock.is_over():
+                break
+        return self._done >= len(shown)
+
+    def _add(self, item: Shown, known: dict[int, str], linking: Linking) -> None:
+        """A mesh; `known` has sums of this dependency graph's meshes, which many objects may show."""
+        self.found.places[item.name] = digest(np.round(item.matrix, 9))
         pointer = item.mesh.as_pointer()
         if pointer not in known:
             known[pointer] = digest(*_mesh(item.mesh))
-        found.meshes[item.name] = known[pointer]
-        found.materials[item.name] = [material.name_full if material is not None else "" for material in item.materials]
-        _add_materials(item, found)
+        self.found.meshes[item.name] = known[pointer]
+        self.found.materials[item.name] = [material.name_full if material is not None else ""
+                                           for material in item.materials]
+        _add_materials(item, self.found)
         links = linking.of(item.original)
         if links is not None:
-            found.links[item.name] = digest(links)
-    return found
+            self.found.links[item.name] = digest(links)
 
 
 def _lamps(lights: tuple[Light, ...]) -> dict[str, Source]:

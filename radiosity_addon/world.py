@@ -52,7 +52,9 @@ def world_parts(world: Any, warnings: Warnings, size: Map = FINE, part_seconds: 
     flat = _constant(world, warnings)
     if flat is None:
         radiance = yield from world_render.map_parts(world, size, part_seconds)
-        return (yield from _peeled(world, Sky(_clean(radiance, world, warnings)), warnings, closely=size == FINE))
+        peeled = yield from _peeled(world, Sky(_clean(radiance, world, warnings)), warnings, closely=size == FINE)
+        yield
+        return peeled
     if (flat < 0).any():
         warn(warnings, world.name, CODE, "gives negative light: it counts as black")
     return Sky(np.clip(flat, 0, None)), ()

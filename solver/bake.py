@@ -165,7 +165,7 @@ class _Work:
         places = ReceiverFootprints(self.geometry, receivers, self.settings.footprint, self.settings.seed)
         # The audit asks nothing of the bake until both are done: it fills what threads the bake leaves idle.
         with self.run.beside("audit", partial(self._truth, places, near)) as truth:
-            direct, bounced = self._solved_light(receivers, places, near)
+            direct, bounced = self.unaudited_light(receivers, places, near)
             with self.stages("audit"):
                 found = truth()
                 passes = self.settings.passes
@@ -173,8 +173,9 @@ class _Work:
                                        self.expected)
         return direct, bounced
 
-    def _solved_light(self, receivers: Receivers, places: ReceiverFootprints,
-                      near: Neighbours | None) -> tuple[Float, Float]:
+    def unaudited_light(self, receivers: Receivers, places: ReceiverFootprints,
+                        near: Neighbours | None) -> tuple[Float, Float]:
+        """As `light`, with nobody to tell how good it is."""
         seed = self.settings.seed
         self.transported = self.transport(receivers, places)
         with self.stages("gather"):
@@ -316,7 +317,9 @@ def irradiance(scene: Scene, settings: Settings, points: Float, normals: Float, 
     Lamps with links shine on them as on `surfaces` (n,) of the scene, -1 for none; without it as on nothing's surface.
     """
     work = _Work(scene, settings, progress, cancelled)
-    direct, bounced = work.light(probes(scene, points, normals, surfaces))
+    receivers = probes(scene, points, normals, surfaces)
+    places = ReceiverFootprints(work.geometry, receivers, settings.footprint, settings.seed)
+    direct, bounced = work.unaudited_light(receivers, places, None)
     return _passes(direct, bounced, settings.passes)
 
 

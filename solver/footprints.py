@@ -155,6 +155,8 @@ class ReceiverFootprints:
         """Footprints with a corner or middle that a touching face hides."""
         rows = np.flatnonzero(~self.free)
         found = np.zeros(len(self), bool)
+        if not len(rows):
+            return found
         for x, y in ((0.5, 0.5), (0.0, 0.0), (1.0, 0.0), (0.0, 1.0), (1.0, 1.0)):
             place = self._offset(self.receivers.barycentric[rows], self.step[rows],
                                  np.full(len(rows), x, np.float32), np.full(len(rows), y, np.float32))
