@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from .across import links
 from .errors import SettingsError
 from .finish import finished
 from .groups import KEPT_AS, GroupLight, shown
@@ -25,6 +26,7 @@ from .receivers import Page, Receivers
 from .recolour import bounced_change
 from .result import Bake, Lightmap
 from .scene import Scene
+from .seam_samples import seam_samples
 from .seams import Seams
 from .settings import Settings
 from .smooth import smooth
@@ -111,9 +113,6 @@ def _recoloured(bake: Bake, scene: Scene, settings: Settings, run: Run) -> Bake:
     if bake.paths is None:
         raise SettingsError("the bake kept nothing that other reflectances could be worked out from: bake again, and "
                             "keep its paths")
-    if settings.quantity == "radiosity":
-        raise SettingsError("radiosity holds the colours of the surfaces themselves, and its light can't be told from "
-                            "them any more: bake again")
     factors = np.array(list(bake.groups.tints.values()) or [np.ones(3)])
     quantity = KEPT_AS.get(settings.quantity, settings.quantity) if bake.groups.tints else settings.quantity
     looks = [encode(look, quantity, np.ones_like(look)) for look in bounced_change(bake.paths, scene, factors, run)]
@@ -129,11 +128,13 @@ def _add_to_lumels(bake: Bake, scene: Scene, settings: Settings, looks: Sequence
     """Pages with a change, given as two looks at it, and the RMS error of their mean."""
     pages = tuple(Page(page.name, page.pixels.shape[1], page.pixels.shape[0]) for page in bake.lightmaps)
     lumels = lay_out(scene, settings, [], run.step, Layout(pages, bake.page_of_surface, bake.uv))
-    change, noise = _smoothed(looks, lumels.receivers, Neighbours(lumels), run)
+    samples = seam_samples(lumels, scene)
+    near = Neighbours(lumels, links(samples, lumels, scene))
+    change, noise = _smoothed(looks, lumels.receivers, near, run)
     for number, page in enumerate(bake.lightmaps):
         here = lumels.page == number
         change[here] += page.pixels.reshape(-1, 3)[lumels.pixel[here]]
-    return finished(lumels, Seams(lumels, scene), np.maximum(change, 0), settings), noise
+    return finished(lumels, Seams(samples, lumels, scene), np.maximum(change, 0), settings), noise
 
 
 def _smoothed(looks: Sequence[Float], receivers: Receivers, near: Neighbours, run: Run) -> tuple[Float, float]:
