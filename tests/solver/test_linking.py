@@ -170,7 +170,7 @@ def test_the_audit_follows_the_links(number):
     outline = np.array([(0, 0, 0), (0, 1, 0), (0, 1, 1), (0, 0, 1)], float)
     exact = solver.element_form_factor(point[0], UP, outline).value * 0.8 * np.sqrt(0.5)
     groups = truth.indirect[0, :, 0]
-    error = groups.std(ddof=1) / len(groups) ** 0.5
+    error = float(groups.std(ddof=1)) / len(groups) ** 0.5
     assert error < 0.01 * exact
     assert groups.mean() == pytest.approx(exact, abs=4 * error)
     assert truth.direct[0, :, 0] == pytest.approx(np.sqrt(0.5), rel=1e-3)
