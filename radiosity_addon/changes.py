@@ -56,7 +56,7 @@ def _objects(old: Survey, new: Survey, follows: bool) -> list[str]:
         if not follows or any(_shines(source) for source in shown):
             found.append(f"object {name!r} has other materials")
         if old.links.get(name) != new.links.get(name):
-            found.append(f"object {name!r} is linked to others (Light Linking)")
+            found.append(f"object {name!r} has other light linking")
     return found
 
 

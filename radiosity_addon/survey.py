@@ -51,7 +51,7 @@ class Survey:
 
     places, meshes : sums by object.
     materials : names by object.
-    links : sums of what objects that glow are linked to, by object, where they are.
+    links : sums of what objects would be linked to as lights, by object, of those that are linked.
     lamps, surfaces, world : lights, `surfaces` by material.
     lamp_count : lamps that shine, instances counted one by one.
     """

@@ -131,13 +131,15 @@ class Reach:
     @classmethod
     def of(cls, links: Sequence[Links], surfaces: int) -> Reach:
         """Of lamps with these links, in a scene of so many surfaces."""
-        masks = np.ones((len(links), surfaces + 1), bool)
-        for row, link in zip(masks, links, strict=True):
-            row[:-1], row[-1] = link.receivers, link.probes
+        # Many lamps share few links.
+        number = {one: index for index, one in enumerate(dict.fromkeys(links))}
+        masks = np.ones((len(number), surfaces + 1), bool)
+        for row, one in zip(masks, number, strict=True):
+            row[:-1], row[-1] = one.receivers, one.probes
         if masks.all():
-            return cls(np.zeros(surfaces + 1, np.int64), masks[:, :1])
-        lamps, kind = np.unique(masks, axis=1, return_inverse=True)
-        return cls(kind.reshape(-1), lamps)
+            return cls(np.zeros(surfaces + 1, np.int64), np.ones((len(links), 1), bool))
+        kinds, kind = np.unique(masks, axis=1, return_inverse=True)
+        return cls(kind.reshape(-1), kinds[[number[one] for one in links]])
 
     @property
     def is_everywhere(self) -> bool:

@@ -181,7 +181,7 @@ def change(stage: Any, what: str) -> None:
     ("lamp moved", "lamp 'Sun' was moved, or its shape or linking changed"),
     ("lamp shape", "lamp 'Sun' was moved, or its shape or linking changed"),
     ("lamp linked", "lamp 'Sun' was moved, or its shape or linking changed"),
-    ("linked", "object 'Square' is linked to others"),
+    ("linked", "object 'Square' has other light linking"),
     ("lamp new", "lamp 'Late' gave no light at the bake"),
     ("emission", "material 'Square paint' gave no light at the bake"),
     ("world", "world 'World' gave no light at the bake"),

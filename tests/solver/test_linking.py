@@ -177,12 +177,15 @@ def test_the_audit_follows_the_links(number):
 
 
 def test_the_audit_of_a_room_with_links_finds_no_bias():
-    # Four lamps linked in four ways in a white room of two floors: the bake's own error bar, and no bias beyond it.
+    # Four lamps linked in four ways over white floors and plates: the bake's own error bar, no bias beyond it, and all
+    # light that lands is accounted for.
     shapes = tuple(Shape(shape.corners, shape.reflectance + 0.7, shape.emission) for shape in FLOORS + PLATES)
     ways = (Links(), Links(receivers=_to(WEST, of=4)), Links(blockers=_to(WEST_PLATE, of=4)), Links(blockers=False))
     lights = tuple(Linked(Point(f"bulb {x}", (x, 0.3, 1.5), 20, 0.1), way)
                    for x, way in zip((-1.5, -0.5, 0.5, 1.5), ways, strict=True))
-    estimated = solver.bake(_stage(lights, shapes), Settings(error=0.03, resolution=48)).report["error"]["estimated"]
+    report = solver.bake(_stage(lights, shapes), Settings(error=0.03, resolution=48)).report
+    estimated = report["error"]["estimated"]
+    assert abs(report["energy"]["imbalance"]) < 0.02
     assert abs(estimated["bias"]) < 4 * estimated["bias_standard_error"] + 0.002
     assert estimated["rms"] < 0.03
 
