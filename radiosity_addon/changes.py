@@ -51,12 +51,12 @@ def _objects(old: Survey, new: Survey, follows: bool) -> list[str]:
             found.append(f"object {name!r} was moved")
         if old.meshes[name] != new.meshes[name]:
             found.append(f"the mesh of object {name!r} changed")
+        if old.links.get(name) != new.links.get(name):
+            found.append(f"object {name!r} has other light linking")
     for name in _other_materials(old, new):
         shown = [survey.surfaces[material] for survey in (old, new) for material in survey.materials[name] if material]
         if not follows or any(_shines(source) for source in shown):
             found.append(f"object {name!r} has other materials")
-        if old.links.get(name) != new.links.get(name):
-            found.append(f"object {name!r} has other light linking")
     return found
 
 
