@@ -38,6 +38,8 @@ MOST_ROUNDS = 3
 PRIOR = 0.2
 # The same for receivers without neighbours.
 LONE_PRIOR = 0.6
+# A receiver stands out, as a speckle, if its error is this many times what is wanted on the average.
+SPECKLE = 3.0
 # A look is not worth its while if the error is within this factor of what is wanted.
 CLOSE_ENOUGH = 1.1
 
@@ -74,9 +76,10 @@ def gather_adaptively(transport: Transport, fans: Fans, plan: Plan, level: float
     for _ in range(MOST_ROUNDS):
         light = (looks[0][:, :6] + looks[1][:, :6]).mean()
         wanted = (plan.gather_error * (level + float(light))) ** 2
-        if _mean(error) <= wanted * CLOSE_ENOUGH**2:
-            break
-        factor = _factors(_known(error, neighbours), wanted, MOST_FACTOR * half / rays)
+        most = MOST_FACTOR * half / rays
+        factor = _speckle_factors(error, wanted, most)
+        if _mean(error) > wanted * CLOSE_ENOUGH**2:
+            factor = np.maximum(factor, _factors(_known(error, neighbours), wanted, most))
         if not (factor > 1).any():
             break
         _go_on(gather, fans, looks, rays, factor, seed, run)
@@ -125,6 +128,12 @@ def _known(error: Float, neighbours: Neighbours | None) -> Float:
     """(n,) float64: errors with a part of their mean over all."""
     prior = LONE_PRIOR if neighbours is None else PRIOR
     return np.asarray((1 - prior) * error + prior * error.mean(), np.float64)
+
+
+def _speckle_factors(error: Float, wanted: float, most: Float) -> Float:
+    """By which power of two to multiply the rays of the few receivers that stand out, however good the mean is."""
+    factor = np.clip((error / (SPECKLE**2 * wanted)) ** (1 / RATE), 1, most)
+    return np.asarray(2.0 ** np.ceil(np.log2(factor)))
 
 
 def _factors(error: Float, wanted: float, most: Float) -> Float:

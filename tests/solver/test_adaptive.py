@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from radiosity.solver.adaptive import RATE, _error, _factors, _groups
+from radiosity.solver.adaptive import RATE, SPECKLE, _error, _factors, _groups, _speckle_factors
 
 COUNT = 5000
 
@@ -74,3 +74,9 @@ def test_the_error_of_two_lone_looks_is_that_of_their_mean():
     for look in looks:
         look[:, :3] = rng.normal(size=(200_000, 3))
     assert _error(looks, None, None, None).mean() == pytest.approx(0.5, rel=0.01)
+
+
+def test_only_receivers_that_stand_out_get_rays_where_the_mean_is_good():
+    # Errors of what is wanted, and of 8^RATE times what counts as a speckle: none, and 8 times the rays, up to the most.
+    error = np.array([1.0, 8**RATE * SPECKLE**2, 1e9])
+    assert _speckle_factors(error, 1.0, np.full(3, 32.0)) == pytest.approx([1, 8, 32])
