@@ -77,6 +77,6 @@ def test_the_error_of_two_lone_looks_is_that_of_their_mean():
 
 
 def test_only_receivers_that_stand_out_get_rays_where_the_mean_is_good():
-    # Errors of what is wanted, and of 8^RATE times what counts as a speckle: none, and 8 times the rays, up to the most.
+    # Errors of what is wanted, and of 8^RATE times what counts as a speckle: none, and 8 times the rays; then the most.
     error = np.array([1.0, 8**RATE * SPECKLE**2, 1e9])
     assert _speckle_factors(error, 1.0, np.full(3, 32.0)) == pytest.approx([1, 8, 32])
