@@ -40,6 +40,8 @@ PRIOR = 0.2
 LONE_PRIOR = 0.6
 # A receiver stands out, as a speckle, if its error is this many times what is wanted on the average.
 SPECKLE = 3.0
+# The least mean square error that is worth a ray, W2/m4: the square root of what float32 holds.
+DARK = 1e-30
 # A look is not worth its while if the error is within this factor of what is wanted.
 CLOSE_ENOUGH = 1.1
 
@@ -75,7 +77,8 @@ def gather_adaptively(transport: Transport, fans: Fans, plan: Plan, level: float
     error = _error(looks, fans, neighbours, run)
     for _ in range(MOST_ROUNDS):
         light = (looks[0][:, :6] + looks[1][:, :6]).mean()
-        wanted = (plan.gather_error * (level + float(light))) ** 2
+        # Above zero, also where all is dark and nothing is left to be wanted.
+        wanted = max((plan.gather_error * (level + float(light))) ** 2, DARK)
         most = MOST_FACTOR * half / rays
         factor = _speckle_factors(error, wanted, most)
         if _mean(error) > wanted * CLOSE_ENOUGH**2:
