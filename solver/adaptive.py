@@ -40,7 +40,7 @@ PRIOR = 0.2
 LONE_PRIOR = 0.6
 # A receiver stands out, as a speckle, if its error is this many times what is wanted on the average.
 SPECKLE = 3.0
-# The least mean square error that is worth a ray, W2/m4: the square root of what float32 holds.
+# The least mean square error that is worth a ray, W2/m4: far below any light that matters, far above zero.
 DARK = 1e-30
 # A look is not worth its while if the error is within this factor of what is wanted.
 CLOSE_ENOUGH = 1.1

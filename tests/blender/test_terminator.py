@@ -25,9 +25,9 @@ def test_triangles_turn_dark_where_they_do_in_cycles(build: Any, tmp_path: Path)
     sun = build.sun(3.0)
     sun.data.angle, sun.rotation_euler = math.radians(0.5), (math.radians(50), 0.0, math.radians(20))
     bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / "sphere.blend"))
-    done = subprocess.run([sys.executable, "-m", "radiosity", "compare", str(tmp_path / "sphere.blend"), "--error", ".1",
-                           "--resolution", "64", "--passes", "direct", "--margin", "0", "--samples", "64",
-                           "--no-camera", "--output", str(tmp_path)],
+    done = subprocess.run([sys.executable, "-m", "radiosity", "compare", str(tmp_path / "sphere.blend"),
+                           "--error", ".1", "--resolution", "64", "--passes", "direct", "--margin", "0",
+                           "--samples", "64", "--no-camera", "--output", str(tmp_path)],
                           capture_output=True, text=True, timeout=300, check=False)
     assert done.returncode == 0, done.stderr
     ours, cycles = (image_file.read_exr(tmp_path / f"Lightmap_1_{name}.exr")[:, :, 0] for name in ("ours", "cycles"))
