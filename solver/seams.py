@@ -21,10 +21,10 @@ from .seam_samples import SeamSamples
 Float = NDArray[np.floating[Any]]
 Int = NDArray[np.integer[Any]]
 
-# Weights of a difference across a seam, of moving a lumel, and of moving a texel of the margin: what was baked stays
-# (at 1 instead of 10, coarse lumels of an outdoor scene were off by 2.4 instead of 1 per cent), what fills the margin
-# gives way.
-SEAM_WEIGHT, LUMEL_WEIGHT, MARGIN_WEIGHT = 4.0, 10.0, 0.1
+# Weights of a difference across a seam, of moving a lumel, and of moving a texel of the margin: what was baked stays,
+# what fills the margin gives way. On an outdoor scene of coarse lumels the error is 1.03 per cent unstitched, 1.05 at
+# 30, 1.17 at 10 and 2.4 at 1; what the two sides of a seam show differs by a tenth in all of them.
+SEAM_WEIGHT, LUMEL_WEIGHT, MARGIN_WEIGHT = 4.0, 30.0, 0.1
 TOLERANCE, MOST_STEPS = 1e-4, 60
 
 
