@@ -22,12 +22,14 @@ from .neighbours import Neighbours
 from .parallel import Run
 from .plan import Plan
 from .remaining import remaining
-from .smooth import smooth
+from .smooth import light_of, smooth
 from .transport import Transport
 
 Float = NDArray[np.floating[Any]]
 Int = NDArray[np.integer[Any]]
 
+# What a ray brings beyond this many times what rays bring on the average is a peak, smoothed apart.
+PEAK = 4.0
 # The mean square error of n quasi-random rays falls as n^-RATE (measured in rooms: n^-1.1 to n^-1.3).
 RATE = 1.2
 # Most rays of a receiver over those of the first look.
@@ -61,22 +63,23 @@ class Gathered:
     error: float
 
 
-def gather_adaptively(transport: Transport, fans: Fans, plan: Plan, level: float, seed: int,
+def gather_adaptively(transport: Transport, fans: Fans, plan: Plan, level: float, usual: float, seed: int,
                       neighbours: Neighbours | None, run: Run) -> Gathered:
     """Gather until the error is about `plan.gather_error` of the mean light.
 
     Parameters
     ----------
     level : the lamps' mean direct light at the footprints, W/m2; counted with what is gathered.
+    usual : what rays bring on the average, W/m2, about.
     neighbours : of the footprints; None for receivers that have none, which are not smoothed.
     """
-    gather = Gather(transport)
+    gather = Gather(transport, PEAK * usual)
     half = plan.gather_rays // 2
     rays = np.full(len(fans), half, np.int64)
     looks = gather.light(fans, _both(np.arange(len(fans)), half, 0, seed), run)
     error = _error(looks, fans, neighbours, run)
     for _ in range(MOST_ROUNDS):
-        light = (looks[0][:, :6] + looks[1][:, :6]).mean()
+        light = (looks[0] + looks[1]).sum(axis=1)[:, :6].mean()
         # Above zero, also where all is dark and nothing is left to be wanted.
         wanted = max((plan.gather_error * (level + float(light))) ** 2, DARK)
         most = MOST_FACTOR * half / rays
@@ -87,9 +90,8 @@ def gather_adaptively(transport: Transport, fans: Fans, plan: Plan, level: float
             break
         _go_on(gather, fans, looks, rays, factor, seed, run)
         error = _error(looks, fans, neighbours, run)
-    if neighbours is not None:
-        looks = list(smooth(looks[0], looks[1], fans.receivers, neighbours, run))
-    value = (looks[0] + looks[1]) / 2
+    smoothed = [_smoothed(*part, fans, neighbours, run, rare=bool(number)) for number, part in enumerate(_parts(looks))]
+    value = np.sum(smoothed, axis=0) / 2
     return Gathered(value[:, :3], value[:, 3:6], value[:, 6:], _mean(error) ** 0.5)
 
 
@@ -119,12 +121,26 @@ def _groups(rays: Int, factor: Float) -> list[tuple[int, int, Int]]:
             for before, more in kinds]
 
 
+def _parts(looks: list[Float]) -> list[tuple[Float, Float]]:
+    """Two looks without peaks, and these alone if there are any."""
+    first, second = looks
+    count = 2 if first[:, 1].any() or second[:, 1].any() else 1
+    return [(np.ascontiguousarray(first[:, part]), np.ascontiguousarray(second[:, part])) for part in range(count)]
+
+
+def _smoothed(first: Float, second: Float, fans: Fans, neighbours: Neighbours | None, run: Run, *, rare: bool) -> Float:
+    """The sum of two looks, smoothed if neighbours are known."""
+    if neighbours is not None:
+        first, second = smooth(first, second, fans.receivers, neighbours, run, rare=rare)
+    return first + second
+
+
 def _error(looks: list[Float], fans: Fans, neighbours: Neighbours | None, run: Run) -> Float:
     """(n,) mean square error of the mean of two looks, W2/m4."""
     if neighbours is None:
-        difference = looks[0] - looks[1]
-        return np.asarray(np.square(difference[:, :3] + difference[:, 3:6]).mean(axis=1) / 4)
-    return remaining(looks[0], looks[1], fans.receivers, neighbours, run)
+        difference = light_of((looks[0] - looks[1]).sum(axis=1))
+        return np.asarray(np.square(difference).mean(axis=1) / 4)
+    return np.asarray(np.sum([remaining(*part, fans.receivers, neighbours, run) for part in _parts(looks)], axis=0))
 
 
 def _known(error: Float, neighbours: Neighbours | None) -> Float:

@@ -148,6 +148,7 @@ class _Work:
             self.linear = transport.solve(TOLERANCE)
             transport.solve_apart(TOLERANCE)
         refuse_singular(self.linear, self.scene)
+        self.usual = looks.straight + float(transport.leaving()[self.seen].mean())
         return transport
 
     def _refinement(self, transport: Transport) -> tuple[float, Float]:
@@ -180,7 +181,8 @@ class _Work:
         self.transported = self.transport(receivers, places)
         with self.stages("gather"):
             self.transported.keeper = keeper = self._keeper(len(receivers))
-            gathered = gather_adaptively(self.transported, self.fans, self.plan, self.lamps, seed, near, self.run)
+            gathered = gather_adaptively(self.transported, self.fans, self.plan, self.lamps, self.usual, seed, near,
+                                         self.run)
             self.paths = keeper.paths(self.transported) if keeper is not None else None
         with self.stages("direct"):
             level = self.lamps + float(gathered.first.mean() + gathered.bounced.mean())

@@ -2,9 +2,13 @@
 
     E_indirect = mean over cosine-distributed rays of  rho(hit) (E_direct(hit) + H_patch(hit)) + emission(hit)
 
-Where we leave the textbook: where most rays meet something nearer than its patch is wide (the gap behind a board, the
-inside of a drawer), the patches' means say little. There, rays go on, bounce by bounce, until they ask a patch from
-afar.
+Where we leave the textbook:
+
+1. Where most rays meet something nearer than its patch is wide (the gap behind a board, the
+   inside of a drawer), the patches' means say little. There, rays go on, bounce by bounce, until they ask a patch from
+   afar.
+2. What a ray brings beyond `peak` is kept apart: few rays meet a strip of ceiling right over a lamp, and a receiver
+   that happens to has a speckle. Both parts are smoothed, each by its own noise, and add up to the whole.
 """
 
 from __future__ import annotations
@@ -95,12 +99,14 @@ class _Rays:
     look: Look  # some receivers
     sides: NDArray[np.int64]  # (n * rays,) of cells, of the first hits
     fresh: Seen  # where the last hits met cells that have no row yet
-    sky: Float  # (n, 3) mean irradiance
+    sky: Float  # (2, n, 3) mean irradiance, without peaks and these alone
     lit: NDArray[np.bool_] | None  # (n * rays,) whether light can arrive at the ray's start; None: everywhere
     going: Int  # which rays go on,
     met: Met  # what they met last,
     carried: Float  # and the reflectance so far, (going, 3)
     value: Float  # (n * rays, 4) radiosity brought so far
+    high: Int = field(default_factory=lambda: np.empty(0, np.int64))  # which rays have a peak in the end,
+    over: Float = field(default_factory=lambda: np.empty(0, np.float32))  # and which part of what they bring it is
     trail: list[Leg] = field(default_factory=list)  # where it came from, if somebody asks for it
 
 
@@ -110,10 +116,11 @@ class Gather:
     Parameters
     ----------
     transport : cells, patches, rows, solved.
+    peak : radiosity, W/m2 (mean of the channels), of which more is kept apart.
     """
 
-    def __init__(self, transport: Transport) -> None:
-        self.transport = transport
+    def __init__(self, transport: Transport, peak: float = np.inf) -> None:
+        self.transport, self._peak = transport, np.float32(peak)
 
     def meet(self, fans: Fans, look: Look, run: Run) -> NDArray[np.int32]:
         """Let rays find cells; return the cells' rows, NOTHING for the sky."""
@@ -122,8 +129,8 @@ class Gather:
         return self.transport.cells.rows(np.concatenate([piece.sides for piece in pieces]))
 
     def light(self, fans: Fans, looks: Sequence[Look], run: Run) -> list[Float]:
-        """What each look finds: (n, 6 + 3 g) float32, W/m2. Irradiance from sky and gathered emitters, and from light
-        that surfaces reflect, and what of both is wanted of each light group.
+        """What each look finds: (n, 2, 6 + 3 g) float32, W/m2. Irradiance from sky and gathered emitters, and from
+        light that surfaces reflect, and what of both is wanted of each light group; without peaks, and peaks alone.
 
         All looks go on together, since every bounce may meet cells that have no light yet, and it takes as long to give
         it to few as to many.
@@ -155,33 +162,45 @@ class Gather:
                      nothing, nothing)
 
     def _mean_sky(self, met: Met, look: Look, lit: NDArray[np.bool_] | None) -> Float:
-        """(n, 3) the sky's irradiance of each receiver."""
-        row = met.missed // look.count
+        """(2, n, 3) the sky's irradiance of each receiver."""
         sky = met.sky if lit is None else met.sky * lit[met.missed, None]
-        columns = [np.bincount(row, sky[:, axis], len(look.rows)) for axis in range(3)]
-        return np.asarray(np.stack(columns, axis=1) / look.count, np.float32)
+        high, over = self._peaks(met.sky)
+        mean, peaks = (_mean_of(sky[some] * part, met.missed[some], look)
+                       for some, part in ((slice(None), np.float32(1)), (high, over[:, None])))
+        return np.stack([mean - peaks, peaks])
+
+    def _peaks(self, light: Float) -> tuple[Int, Float]:
+        """Which of rays that bring `light` (n, 3 or 4) have a peak, and which part of it that is."""
+        brightness = (light[:, 0] + light[:, 1] + light[:, 2]) / np.float32(3)
+        high = np.flatnonzero(brightness > self._peak)
+        return high, np.asarray(1 - self._peak / brightness[high], np.float32)
 
     def _collect(self, rays: _Rays) -> Float:
-        """(n, 6 + 3 g), see `light`."""
+        """(n, 2, 6 + 3 g), see `light`."""
+        rays.high, rays.over = self._peaks(rays.value)
         total = self._mean(rays.value, rays)
         emission = self.transport.emission()
         split = self.transport.split
         groups = range(len(split) if split is not None else 0)
         apart = [self._of_group(rays, group) for group in groups]
         if emission is None:
-            return np.concatenate([rays.sky, total, *apart], axis=1)
-        seen = np.take(emission, self.transport.cells.rows(rays.sides), axis=0)
-        emitted = self._mean(seen, rays)
-        return np.concatenate([rays.sky + emitted, total - emitted, *apart], axis=1)
+            parts = [rays.sky, total, *apart]
+        else:
+            seen = np.take(emission, self.transport.cells.rows(rays.sides), axis=0)
+            emitted = self._mean(seen, rays)
+            parts = [rays.sky + emitted, total - emitted, *apart]
+        return np.asarray(np.concatenate(parts, axis=2).transpose(1, 0, 2))
 
     def _mean(self, values: Float, rays: _Rays) -> Float:
-        """(n, 3) mean over the rays of each receiver; changes the values."""
+        """(2, n, 3) mean over the rays of each receiver, without peaks and these alone; changes the values."""
         if rays.lit is not None:
             values *= rays.lit[:, None]
-        return mean_over_rays(values, rays.look.count)
+        mean = mean_over_rays(values, rays.look.count)
+        peaks = _mean_of(values[rays.high, :3] * rays.over[:, None], rays.high, rays.look)
+        return np.stack([mean - peaks, peaks])
 
     def _of_group(self, rays: _Rays, group: int) -> Float:
-        """(n, 3) what is wanted of a light group's irradiance."""
+        """(2, n, 3) what is wanted of a light group's irradiance."""
         split = self.transport.split
         assert split is not None
         emission = self.transport.emission_of(group)
@@ -194,7 +213,7 @@ class Gather:
         return first + emitted if split.passes == "direct" else self._brought(rays, group) - emitted
 
     def _brought(self, rays: _Rays, group: int) -> Float:
-        """(n, 3) what the rays brought of a light group: the way of `_Step` again, with its light."""
+        """(2, n, 3) what the rays brought of a light group: the way of `_Step` again, with its light."""
         transport, split = self.transport, self.transport.split
         assert split is not None
         table, direct = transport.table_of(group), transport.met.direct_of(group)
@@ -273,6 +292,13 @@ class _Step:
         rays.fresh = rays.met.fresh(self._transport.cells)
         missed = rays.met.missed
         rays.value[rays.going[missed], :3] += rays.carried[missed] * rays.met.sky
+
+
+def _mean_of(light: Float, ray: Int, look: Look) -> Float:
+    """(n, 3) mean over the rays of each receiver, of which only `ray` (m,) bring light (m, 3)."""
+    row = ray // look.count
+    columns = [np.bincount(row, light[:, axis], len(look.rows)) for axis in range(3)]
+    return np.asarray(np.stack(columns, axis=1) / look.count, np.float32)
 
 
 def _passes(rays: Sequence[int]) -> list[slice]:

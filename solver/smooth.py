@@ -35,13 +35,21 @@ SAME_WAY = 0.95
 CHUNK = 2**16
 
 
-def smooth(first: Float, second: Float, receivers: Receivers, neighbours: Neighbours, run: Run) -> tuple[Float, Float]:
+def smooth(first: Float, second: Float, receivers: Receivers, neighbours: Neighbours, run: Run, *,
+           rare: bool = False) -> tuple[Float, Float]:
     """Filter two independent looks at the same receivers, (n, 6 ...) each: emitted and reflected light, RGB, and more
-    columns that are filtered with the weights that these give."""
+    columns that are filtered with the weights that these give.
+
+    rare : of light that few rays bring. What the two looks agree on counts only if it is in the receivers beside, too:
+        among many receivers there are some to which both looks brought such a ray by chance.
+    """
     rings = [neighbours.at(step) for step in STEPS]
     variance = _variance(first, second, rings)
     for ring in rings:
-        jobs = [(part, first, second, receivers, ring, variance) for part in shares(len(first), CHUNK)]
+        guides = [light_of(look) for look in (second, first)]
+        if rare:
+            guides = _with_neighbours(guides, receivers, rings[0], run)
+        jobs = [(part, first, second, guides, receivers, ring, variance) for part in shares(len(first), CHUNK)]
         done = run.map(_filter, jobs)
         first, second, variance = (np.concatenate([piece[axis] for piece in done]) for axis in range(3))
     return first, second
@@ -71,13 +79,24 @@ def light_of(look: Float) -> Float:
     return look[:, :3] + look[:, 3:6]
 
 
-def _filter(job: tuple[slice, Float, Float, Receivers, Int, Float]) -> tuple[Float, Float, Float]:
-    part, first, second, receivers, around, variance = job
+def _with_neighbours(guides: list[Float], receivers: Receivers, beside: Int, run: Run) -> list[Float]:
+    """Means over receivers and those beside them of each of some (n, 3)."""
+    def work(part: slice) -> list[Float]:
+        weight, others = kernel_weights(receivers, beside, part), beside[part]
+        total = 1 + weight.sum(axis=1, keepdims=True)
+        return [(guide[part] + np.einsum("nk,nkc->nc", weight, guide[others])) / total for guide in guides]
+
+    parts = run.map(work, shares(len(beside), CHUNK))
+    return [np.concatenate([part[number] for part in parts]) for number in range(len(guides))]
+
+
+def _filter(job: tuple[slice, Float, Float, list[Float], Receivers, Int, Float]) -> tuple[Float, Float, Float]:
+    part, first, second, guides, receivers, around, variance = job
     others, kernel = around[part], kernel_weights(receivers, around, part)
     noise = variance[part][:, None] + variance[others]
     out = []
     power = np.zeros(len(others), np.float32)
-    for guide, source in ((light_of(second), first), (light_of(first), second)):
+    for guide, source in zip(guides, (first, second), strict=True):
         apart = np.square(guide[others] - guide[part][:, None]).mean(axis=2)
         excess = np.maximum(apart - noise, 0) / np.maximum(noise * np.float32(DEVIATIONS**2), np.float32(1e-30))
         weight = np.where(excess < FARTHEST, kernel * np.exp(-excess), np.float32(0))

@@ -59,10 +59,10 @@ class Split:
         return 3 + 3 * group
 
     def white(self, group: int, values: Float) -> Float:
-        """Light (n, 3) of a group, without its tint."""
+        """Light (..., 3) of a group, without its tint."""
         if self.own_colour[group]:
             return values
-        return np.repeat(values.max(axis=1, keepdims=True), 3, axis=1)
+        return np.repeat(values.max(axis=-1, keepdims=True), 3, axis=-1)
 
 
 def split_lights(geometry: Geometry, groups: Sequence[LightGroup],

@@ -68,11 +68,13 @@ def test_receivers_of_equal_need_are_asked_together():
 
 
 def test_the_error_of_two_lone_looks_is_that_of_their_mean():
-    # Looks of noise 1 in every channel: their mean has variance 1/2; emitted and reflected light count together.
+    # Looks of noise .6 without peaks and .8 in these, 1 together: their mean has variance 1/2; emitted and reflected
+    # light count together.
     rng = np.random.default_rng(5)
-    looks = [np.zeros((200_000, 6), np.float32) for _ in range(2)]
+    looks = [np.zeros((200_000, 2, 6), np.float32) for _ in range(2)]
     for look in looks:
-        look[:, :3] = rng.normal(size=(200_000, 3))
+        look[:, 0, :3] = 0.6 * rng.normal(size=(200_000, 3))
+        look[:, 1, 3:] = 0.8 * rng.normal(size=(200_000, 3))
     assert _error(looks, None, None, None).mean() == pytest.approx(0.5, rel=0.01)
 
 

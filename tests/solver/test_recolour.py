@@ -134,22 +134,9 @@ def test_colours_reach_what_lies_behind_a_narrow_gap():
 def test_kept_rays_bring_what_the_gather_found():
     # A room with a shelf near its floor, under a lamp and a sky through a window; no light groups. Exact answer: what
     # the gather's own rays brought, ray by ray the same sum, to half floats' rounding.
-    scene = room()
-    geometry, run = Geometry(scene), Run()
-    lights, sampled = light_sources(geometry)
-    corners = geometry.corners.reshape(-1, 3)
-    patches = Patches(Shells.of(geometry.corners), corners.min(axis=0), corners.max(axis=0), 0.4, 1.0)
-    transport = Transport(geometry, DirectLight(geometry, lights, 0), sampled, Cells(geometry, 0.1), patches, 0, run)
-    points, normals = wall_points((0, 0, 0), (2, 2, 2), FLOOR, 9)
-    receivers = free_receivers(points - scene.origin, normals, np.full(len(points), -1, np.int32))
-    places = ReceiverFootprints(geometry, receivers, 0.0, 0)
-    fans, every = Fans(places), np.arange(len(places))
-    gather = Gather(transport)
-    gather.meet(fans, Look(every, 16, 0, 1), run)
-    transport.discover(64)
-    transport.solve(1e-6)
-    transport.keeper = keeper = PathKeeper(len(places), 32)
-    bounced = gather.light(fans, [Look(every, 32, 0, 7)], run)[0][:, 3:6]
+    transport, fans, run = _solved(room())
+    transport.keeper = keeper = PathKeeper(len(fans), 32)
+    bounced = Gather(transport).light(fans, [Look(np.arange(len(fans)), 32, 0, 7)], run)[0].sum(axis=1)[:, 3:6]
     paths = keeper.paths(transport)
     light = _Light.of(paths, np.ones((1, 3)), paths.reflectance, run)
     brought = _gathered(paths.looks[0], light, run)
@@ -248,3 +235,31 @@ def test_what_can_not_be_recoloured_is_told(kept):
     bake = solver.bake(closed.scene(), settings, keep_paths=True)
     with pytest.raises(SceneError, match="lower the reflectance"):
         solver.relight(bake, settings, scene=replace(closed.scene(), reflectance=1.0))
+
+
+def test_peaks_and_the_rest_add_up_to_what_all_rays_bring():
+    # The same rays with no peak, and with one that a part of the rays passes: the same sums, and both parts lit.
+    transport, fans, run = _solved(room())
+    look = [Look(np.arange(len(fans)), 32, 0, 7)]
+    whole = Gather(transport).light(fans, look, run)[0]
+    split = Gather(transport, peak=float(whole.sum(axis=1).mean())).light(fans, look, run)[0]
+    assert not whole[:, 1].any()
+    assert split.min() > -1e-6
+    assert 0.1 < split[:, 1].sum() / whole.sum() < 0.9
+    assert split.sum(axis=1) == pytest.approx(whole.sum(axis=1), rel=1e-5, abs=1e-6)
+
+
+def _solved(scene):
+    """A solved transport, and fans over the room's floor."""
+    geometry, run = Geometry(scene), Run()
+    lights, sampled = light_sources(geometry)
+    corners = geometry.corners.reshape(-1, 3)
+    patches = Patches(Shells.of(geometry.corners), corners.min(axis=0), corners.max(axis=0), 0.4, 1.0)
+    transport = Transport(geometry, DirectLight(geometry, lights, 0), sampled, Cells(geometry, 0.1), patches, 0, run)
+    points, normals = wall_points((0, 0, 0), (2, 2, 2), FLOOR, 9)
+    receivers = free_receivers(points - scene.origin, normals, np.full(len(points), -1, np.int32))
+    fans = Fans(ReceiverFootprints(geometry, receivers, 0.0, 0))
+    Gather(transport).meet(fans, Look(np.arange(len(fans)), 16, 0, 1), run)
+    transport.discover(64)
+    transport.solve(1e-6)
+    return transport, fans, run

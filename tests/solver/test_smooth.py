@@ -141,3 +141,36 @@ def test_a_lumel_that_is_bright_where_nothing_is_in_doubt_stays():
     truth[SIDE**2 // 2 + SIDE // 2] = 6
     value = sum(_smoothed(truth, receivers, flat, noise=0)) / 2
     assert value == pytest.approx(truth, rel=1e-6)
+
+
+def _rare(both=(), chance=0.01, seed=3):
+    """Two looks at light that one ray in a hundred brings, 1 each time; and which texels both looks happened to see."""
+    first, second = (np.zeros((SIDE**2, 6), np.float32) for _ in range(2))
+    for number, look in enumerate((first, second)):
+        look[np.random.default_rng([seed, number]).random(SIDE**2) < chance, 3:] = 1
+    for look in (first, second):
+        look[list(both), 3:] = 1
+    return first, second
+
+
+def test_rare_light_that_both_looks_see_at_one_texel_alone_is_shared():
+    # In the middle of a plane both looks have 1, and about .01 elsewhere: a speckle, unless told that it is rare.
+    flat, receivers = _plane()
+    middle = SIDE**2 // 2 + SIDE // 2
+    first, second = _rare(both=[middle])
+    plain = sum(smooth(first, second, receivers, Neighbours(flat), Run(1)))[:, 3] / 2
+    rare = sum(smooth(first, second, receivers, Neighbours(flat), Run(1), rare=True))[:, 3] / 2
+    assert plain[middle] > 0.5
+    assert rare[middle] < 0.1
+    assert rare.mean() == pytest.approx(sum(_rare(both=[middle]))[:, 3].mean() / 2, rel=0.2)
+
+
+def test_rare_light_keeps_an_edge_that_is_wider_than_a_texel():
+    # Light 1 in both looks on the right half, none on the left: it stays on its side.
+    flat, receivers = _plane()
+    right = np.arange(SIDE**2) % SIDE >= SIDE // 2
+    first, second = _rare(both=np.flatnonzero(right))
+    value = sum(smooth(first, second, receivers, Neighbours(flat), Run(1), rare=True))[:, 3] / 2
+    far = np.abs(np.arange(SIDE**2) % SIDE - SIDE // 2 + 0.5) > 1
+    assert value[right & far].min() > 0.9
+    assert value[~right & far].max() < 0.25
