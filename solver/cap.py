@@ -105,5 +105,9 @@ def towards(axis: Float, sine_squared: Float, x: Float | float, y: Float | float
     height = rise * (x * x + y * y)
     scale = np.sqrt(rise * (2 - height))
     tangent, bitangent = frames(axis)
-    direction = tangent * (scale * x)[:, None] + bitangent * (scale * y)[:, None] + axis * (1 - height)[:, None]
-    return np.asarray(direction, np.float32)
+    right, up, along = scale * x, scale * y, 1 - height
+    # Column by column: much faster than products with rows of three.
+    direction = np.empty((max(np.size(along), len(axis)), 3), np.float32)
+    for column in range(3):
+        direction[:, column] = tangent[:, column] * right + bitangent[:, column] * up + axis[:, column] * along
+    return direction

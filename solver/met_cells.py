@@ -150,10 +150,16 @@ class MetCells:
         def work(part: slice) -> tuple[Float, Float]:
             rows = np.repeat(np.arange(part.start, part.stop), CELL_SAMPLES)
             triangle, u, v = places.at(rows, np.tile(draws, part.stop - part.start))
-            reflectance = self.geometry.reflectance(triangle, u, v).reshape(-1, CELL_SAMPLES, 3).mean(axis=1)
-            emission = self.geometry.emission(triangle, u, v).reshape(-1, CELL_SAMPLES, 3).mean(axis=1)
+            reflectance = _mean_of_samples(self.geometry.reflectance(triangle, u, v))
+            emission = _mean_of_samples(self.geometry.emission(triangle, u, v))
             emission[self._sampled_emitter[triangle[::CELL_SAMPLES]]] = 0
             return reflectance, emission
 
         parts = self._run.map(work, shares(len(places), CHUNK_RAYS // CELL_SAMPLES, LEAST_CELLS))
         return np.concatenate([part[0] for part in parts]), np.concatenate([part[1] for part in parts])
+
+
+def _mean_of_samples(values: Float) -> Float:
+    """(n, 3) from the samples of each cell, one after another."""
+    samples = values.reshape(-1, CELL_SAMPLES, 3)
+    return np.asarray(sum(samples[:, number] for number in range(CELL_SAMPLES)) / np.float32(CELL_SAMPLES))

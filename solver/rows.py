@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -34,11 +35,17 @@ class Rows:
         sky = None if self.sky is None else self.sky[index]
         return Rows(self.patch[index], self.hits[index], self.part[index], sky)
 
-    def mean_sky(self) -> Float:
-        """(p, 3) W/m2."""
+    @cached_property
+    def _mean_sky(self) -> Float:
         if self.sky is None:
             return np.zeros((len(self.patch), 3), np.float32)
-        return np.asarray(self.sky.mean(axis=1))
+        rays = self.sky.shape[1]
+        # A product with a row of ones: much faster than a mean over a middle axis.
+        return np.asarray(np.matmul(np.full((1, 1, rays), 1 / rays, np.float32), self.sky)[:, 0])
+
+    def mean_sky(self) -> Float:
+        """(p, 3) W/m2."""
+        return self._mean_sky
 
     def deviation(self, table: Float) -> Float:
         """(p,) RMS deviation of the irradiance between the eighths of each patch, its noise taken out, W/m2.
@@ -47,7 +54,7 @@ class Rows:
         """
         value = np.take(table, self.hits)
         if self.sky is not None:
-            value = value + self.sky.mean(axis=2)
+            value = value + (self.sky[..., 0] + self.sky[..., 1] + self.sky[..., 2]) / np.float32(3)
         count = len(self.patch)
         group = (np.arange(count)[:, None] * 8 + self.part).reshape(-1)
         number = np.bincount(group, minlength=count * 8).reshape(-1, 8)
