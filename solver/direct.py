@@ -86,7 +86,6 @@ class DirectLight:
         self._reach = Reach.of([links_of(light) for light in self.lights], len(geometry.scene.surfaces))
         many = len(self.lights) > FEW_LAMPS
         self._chooser = Chooser(LightBounds.of(self.lights, self._reach), seed) if many else None
-        self._closed_samples = CLOSED_SAMPLES_OF_MANY if many else CLOSED_SAMPLES
 
     def irradiance(self, places: Footprints, run: Run, tolerance: float = 0.0, pilot: int = PILOT_RAYS,
                    small_share: float = SMALL_SHARE, neighbours: Int | None = None) -> Float:
@@ -94,7 +93,8 @@ class DirectLight:
         return self.apart(places, run, tolerance, pilot, small_share, neighbours)[:, :3]
 
     def apart(self, places: Footprints, run: Run, tolerance: float = 0.0, pilot: int = PILOT_RAYS,
-              small_share: float = SMALL_SHARE, neighbours: Int | None = None) -> Float:
+              small_share: float = SMALL_SHARE, neighbours: Int | None = None,
+              closed: int = CLOSED_SAMPLES_OF_MANY) -> Float:
         """Direct irradiance of each footprint, and after it that of every light group.
 
         Parameters
@@ -104,6 +104,7 @@ class DirectLight:
         pilot : shadow rays of a footprint and lamp at first.
         small_share : see SMALL_SHARE; of no account where a tolerance is given.
         neighbours : (n, 8) int rows next to each footprint, -1 for none: where they disagree, rays are added.
+        closed : places of a footprint at which closed forms are asked for, where there are many lamps.
 
         Returns
         -------
@@ -112,7 +113,7 @@ class DirectLight:
         total = np.zeros((len(places), 3 if self.split is None else self.split.columns), np.float32)
         if not self.lights or not len(places):
             return total
-        wish = Wish(tolerance, pilot, small_share)
+        wish = Wish(tolerance, pilot, small_share, CLOSED_SAMPLES if self._chooser is None else closed)
         if self._chooser is None:
             for lamp in range(len(self.lights)):
                 self._add(total, everybody(self._reach.rows(lamp, places), lamp, wish), places, wish, neighbours, run)
@@ -151,7 +152,7 @@ class DirectLight:
         # What is alike is worked on together: the same bank, number of rays, and with a closed form or without.
         order, _ = _runs((self._bank[looks.lamp] << 16 | looks.rays) * 2 + looks.closed)
         looks = looks.take(order)
-        sums = self._sums(looks, places, np.zeros(len(looks), np.int64), looks.rays, looks.closed, run)
+        sums = self._sums(looks, places, np.zeros(len(looks), np.int64), looks.rays, looks.closed, wish.closed, run)
         value, spread = ratio(sums, looks.rays)
         # A lamp of which the rays met only what lies below the horizon gives something all the same.
         wanted = np.where((sums.tried == 0) & (sums.closed > 0), LOST_FACTOR * looks.rays, 0.0)
@@ -169,7 +170,7 @@ class DirectLight:
             order, _ = _runs((self._bank[looks.lamp[some]] << 32 | count << 16 | looks.rays[some]) * 2 + ask[some])
             some, count = some[order], count[order]
             start = looks.rays[some]
-            added = self._sums(looks.take(some), places, start, count - start, ask[some], run)
+            added = self._sums(looks.take(some), places, start, count - start, ask[some], MORE_CLOSED, run)
             value[some] = ratio(sums.take(some).plus(added), count)[0]
         value = value * looks.factor
         for channel in range(3):
@@ -202,13 +203,13 @@ class DirectLight:
         return doubt
 
     def _sums(self, looks: Looks, places: Footprints, start: Int, count: Int, ask: NDArray[np.bool_],
-              run: Run) -> ShadowSums:
-        """Sums over shadow rays start ... start + count - 1 of the point set, and where `ask` (n,) the closed form, for
-        looks in which those that are alike stand together."""
+              closed: int, run: Run) -> ShadowSums:
+        """Sums over shadow rays start ... start + count - 1 of the point set, and where `ask` (n,) the closed form at
+        the first `closed` places, for looks in which those that are alike stand together."""
         def work(part: slice) -> ShadowSums:
             first = part.start
             return self._rays(looks.lamp[part], places, looks.rows[part], int(start[first]), int(count[first]),
-                              bool(ask[first]), run)
+                              closed if ask[first] else 0, run)
 
         kinds = ((self._bank[looks.lamp] << 16 | count) << 16 | start) * 2 + ask
         edges = np.append(np.append(0, np.flatnonzero(np.diff(kinds)) + 1), len(kinds))
@@ -216,7 +217,7 @@ class DirectLight:
         jobs = [part for alike in runs for part in _pieces([alike], max(1, CHUNK_RAYS // int(count[alike.start])))]
         return ShadowSums.concatenate(run.map(work, jobs))
 
-    def _rays(self, lamp: Int, places: Footprints, rows: Int, start: int, count: int, ask: bool,
+    def _rays(self, lamp: Int, places: Footprints, rows: Int, start: int, count: int, closed: int,
               run: Run) -> ShadowSums:
         set_of_points = kronecker(count, 4, start)
         move = shifts(places.identity[rows] * np.int64(1_000_003) + lamp, 4, self.seed + 7919)
@@ -225,10 +226,10 @@ class DirectLight:
         uv = np.stack([u.reshape(-1), v.reshape(-1)], axis=-1)
         weight, seen = self._shadow(np.repeat(lamp, count), points, normals, uv, run)
         weight, seen = weight.reshape(-1, count), seen.reshape(-1, count)
-        asked = min(count, self._closed_samples if start == 0 else MORE_CLOSED) if ask else 0
-        closed, varied = self._closed(lamp, points, normals, count, asked)
-        return ShadowSums(weight.sum(1), seen.sum(1), (weight > 0).sum(1), (seen > 0).sum(1), closed, varied,
-                          np.where(np.isnan(closed), 0, asked))
+        asked = min(count, closed)
+        form, varied = self._closed(lamp, points, normals, count, asked)
+        return ShadowSums(weight.sum(1), seen.sum(1), (weight > 0).sum(1), (seen > 0).sum(1), form, varied,
+                          np.where(np.isnan(form), 0, asked))
 
     def _shadow(self, lamp: Int, points: Float, normals: Float, uv: Float, run: Run) -> tuple[Float, Float]:
         """Weights of shadow rays to lamps of one bank, and the same where something stands between: 0 (n,)."""

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from .cells import NOTHING, Cells
 from .footprints import CellFootprints
+from .met_cells import CELL_CLOSED, CELL_SMALL_SHARE
 from .parallel import Run
 from .sampling import kronecker, uniform
 from .transport import Transport
@@ -65,7 +66,8 @@ def energy_balance(transport: Transport, seed: int, run: Run) -> EnergyBalance:
 
     drawn, weight = _drawn(area * (met.incident.mean(axis=1) + LEAST_SHARE * met.incident.mean()), seed)
     weight = weight * area[drawn]
-    landing = met.light.irradiance(_Draws(transport.cells, met.cells.side[drawn]), run, pilot=RAYS)
+    places = _Draws(transport.cells, met.cells.side[drawn])
+    landing = met.light.apart(places, run, pilot=RAYS, small_share=CELL_SMALL_SHARE, closed=CELL_CLOSED)[:, :3]
 
     def landed(part: Float | float = 1.0) -> Float:
         return np.asarray(np.bincount(patch[drawn], weight * (landing * part).mean(axis=1), count), np.float64)

@@ -92,11 +92,13 @@ class Wish:
     tolerance : wanted standard deviation of each value, W/m2; 0 if not known.
     pilot : shadow rays of a first look at the lamp that matters most.
     small_share : with no tolerance, lamps below this part of all light are drawn by chance.
+    closed : places of a receiver at which closed forms are asked for.
     """
 
     tolerance: float
     pilot: int
     small_share: float
+    closed: int
 
 
 def everybody(rows: Int, lamp: int, wish: Wish) -> Looks:
