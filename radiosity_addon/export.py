@@ -27,7 +27,7 @@ from .surfaces import Surfaces, surface_parts
 from .units import per_blender_unit
 from .warn import Warnings
 from .world import world_parts
-from .world_render import COARSE, FINE
+from .world_render import COARSE
 
 
 @dataclass(frozen=True, eq=False)
@@ -85,7 +85,7 @@ def export_parts(scene: Any, view_layer: Any, settings: Settings, warnings: Warn
         sky, suns = yield from world_parts(scene.world, [], COARSE)
         glance((yield from _lit(found, (*found.lamps, *suns), sky, settings, [])))
         yield
-    sky, suns = yield from world_parts(scene.world, warnings, FINE, part_seconds)
+    sky, suns = yield from world_parts(scene.world, warnings, part_seconds=part_seconds)
     yield from assembly.materials.evaluate(scene.frame_current)
     yield
     return (yield from _lit(found, (*found.lamps, *suns), sky, settings, warnings))

@@ -15,7 +15,7 @@ from . import compat, world_render
 from .parts import ENDLESS, Parts, whole
 from .sockets import Reader
 from .warn import Warnings, warn
-from .world_render import FINE, Map
+from .world_render import Map
 
 Float = NDArray[np.floating[Any]]
 World = tuple[Sky, tuple[Light, ...]]
@@ -28,12 +28,13 @@ def read_world(world: Any, warnings: Warnings) -> tuple[Sky, tuple[Light, ...]]:
     return whole(world_parts(world, warnings))
 
 
-def world_parts(world: Any, warnings: Warnings, size: Map = FINE, part_seconds: float = ENDLESS) -> Parts[World]:
+def world_parts(world: Any, warnings: Warnings, size: Map | None = None,
+                part_seconds: float = ENDLESS) -> Parts[World]:
     """The sky: constant where the node tree is a plain background, else rendered to a map by Cycles, in parts.
 
     Parameters
     ----------
-    size, part_seconds : as `world_render.map_parts`.
+    size, part_seconds : as `world_render.map_parts`; None for what a bake needs.
 
     Returns
     -------
@@ -51,8 +52,8 @@ def world_parts(world: Any, warnings: Warnings, size: Map = FINE, part_seconds: 
         return Sky(), ()
     flat = _constant(world, warnings)
     if flat is None:
-        radiance = yield from world_render.map_parts(world, size, part_seconds)
-        peeled = yield from _peeled(world, Sky(_clean(radiance, world, warnings)), warnings, closely=size == FINE)
+        radiance = yield from world_render.map_parts(world, size or world_render.fine_map(world), part_seconds)
+        peeled = yield from _peeled(world, Sky(_clean(radiance, world, warnings)), warnings, closely=size is None)
         yield
         return peeled
     if (flat < 0).any():

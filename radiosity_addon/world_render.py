@@ -32,8 +32,13 @@ class Map:
     samples: int
 
 
-# .35 degrees a pixel for a bake, 1.4 for a first look.
-FINE, COARSE = Map(1024, 512, 4), Map(256, 128, 1)
+# .35 degrees a pixel for a bake, 1.4 for a first look. A world without anything small in it needs one sample a pixel.
+FINE, SMOOTH, COARSE = Map(1024, 512, 4), Map(1024, 512, 1), Map(256, 128, 1)
+# What nodes a world without anything small may have; a sky texture only without its sun.
+SMOOTH_NODES = {
+    "ShaderNodeOutputWorld", "ShaderNodeBackground", "ShaderNodeTexSky", "ShaderNodeTexGradient", "ShaderNodeTexCoord",
+    "ShaderNodeMapping", "ShaderNodeRGB", "ShaderNodeValue", "ShaderNodeBlackbody", "ShaderNodeHueSaturation",
+    "ShaderNodeGamma", "ShaderNodeAddShader"}
 # Rows of the first strip, which tells how many the next may have, and of the smallest.
 FIRST_ROWS, LEAST_ROWS = 32, 8
 # Pixels along a side of a close look at a part of the world, and samples of each.
@@ -65,6 +70,13 @@ def map_parts(world: Any, size: Map = FINE, part_seconds: float = ENDLESS) -> Pa
         low = high
         yield
     return np.concatenate(strips)
+
+
+def fine_map(world: Any) -> Map:
+    """The map that a bake needs of a world."""
+    smooth = all(node.bl_idname in SMOOTH_NODES and not getattr(node, "sun_disc", False)
+                 for node in world.node_tree.nodes)
+    return SMOOTH if smooth else FINE
 
 
 def window(world: Any, axis: Float, right: Float, up: Float, half: float) -> Float:
