@@ -133,19 +133,24 @@ class MetCells:
 
     def _place(self, places: SeenFootprints) -> None:
         """Where a cell is seen first stands for it."""
-        rows = np.arange(len(places))
-        triangle, u, v = places.at(rows, np.zeros(len(places), np.float32))
-        front = (places.identity & 1).astype(bool)
-        spots = Spots.at(self.geometry, triangle, u, v, front)
+        def work(part: slice) -> tuple[Spots, Float]:
+            rows = np.arange(part.start, part.stop)
+            triangle, u, v = places.at(rows, np.zeros(len(rows), np.float32))
+            front = (places.identity[part] & 1).astype(bool)
+            spots = Spots.at(self.geometry, triangle, u, v, front)
+            start = np.zeros((len(rows), 8), np.float32)
+            start[:, :3] = self.geometry.lifted(spots.points, triangle, front)
+            start[:, 4:7] = self.geometry.shading_normal(triangle, u, v) * np.where(front, 1, -1)[:, None]
+            return spots, start
+
+        parts = self._run.map(work, shares(len(places), CHUNK_RAYS // CELL_SAMPLES, LEAST_CELLS))
+        spots = Spots.join([part[0] for part in parts])
         self._run.count(len(places))
         self._points.append(spots.points)
         self._normals.append(spots.normals)
-        self._triangle.append(triangle)
+        self._triangle.append(spots.triangle)
         self._gap.append(spots.gap)
-        start = np.zeros((len(places), 8), np.float32)
-        start[:, :3] = self.geometry.lifted(spots.points, triangle, front)
-        start[:, 4:7] = self.geometry.shading_normal(triangle, u, v) * np.where(front, 1, -1)[:, None]
-        self._start.append(start)
+        self._start.append(np.concatenate([part[1] for part in parts]))
 
     def _materials(self, places: SeenFootprints) -> tuple[Float, Float]:
         """Mean reflectance and mean emission that is gathered (not sampled as a lamp) of each cell."""

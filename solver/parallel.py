@@ -13,6 +13,8 @@ from .errors import Cancelled
 
 Result = TypeVar("Result")
 
+_here = threading.local()
+
 # Runs that work is cut into at least, whatever the number of threads: the same cuts, the same bits.
 SHARES = 8
 
@@ -33,6 +35,7 @@ class Run:
     cancelled: Callable[[], bool] | None = None
     rays: dict[str, int] = field(default_factory=dict)
     stage: str = ""
+    _pool: ThreadPoolExecutor | None = field(default=None, init=False, repr=False, compare=False)
 
     def count(self, rays: int) -> None:
         """Add rays to the current stage."""
@@ -77,33 +80,36 @@ class Run:
                 over.set()
 
     def map(self, work: Callable[..., Result], pieces: Iterable[Any]) -> list[Result]:
-        """`work` of every piece, in the order of the pieces; a few pieces ahead of the workers at most."""
+        """`work` of every piece, in the order of the pieces; a few pieces ahead of the workers at most. Work that maps
+        work of its own does it where it is."""
         pieces = list(pieces)
         results: list[Any] = [None] * len(pieces)
-        if self.threads == 1 or len(pieces) == 1:
+        if self.threads == 1 or len(pieces) == 1 or getattr(_here, "is_worker", False):
             for index, piece in enumerate(pieces):
                 self.check()
                 results[index] = work(piece)
                 self.report((index + 1) / len(pieces))
             return results
-        with ThreadPoolExecutor(self.threads) as pool:
-            waiting: dict[Future[Result], int] = {}
-            done = 0
-            try:
-                for index, piece in enumerate(pieces):
-                    self.check()
-                    waiting[pool.submit(work, piece)] = index
-                    if len(waiting) >= 2 * self.threads:
-                        done += self._collect(waiting, results)
-                        self.report(done / len(pieces))
-                while waiting:
-                    self.check()
+        if self._pool is None:
+            # Kept, for starting threads takes as long as a small piece of work. They end with the run.
+            self._pool = ThreadPoolExecutor(self.threads, initializer=setattr, initargs=(_here, "is_worker", True))
+        waiting: dict[Future[Result], int] = {}
+        done = 0
+        try:
+            for index, piece in enumerate(pieces):
+                self.check()
+                waiting[self._pool.submit(work, piece)] = index
+                if len(waiting) >= 2 * self.threads:
                     done += self._collect(waiting, results)
                     self.report(done / len(pieces))
-            except BaseException:
-                for future in waiting:
-                    future.cancel()
-                raise
+            while waiting:
+                self.check()
+                done += self._collect(waiting, results)
+                self.report(done / len(pieces))
+        finally:
+            for future in waiting:
+                future.cancel()
+            wait(waiting)
         return results
 
     @staticmethod

@@ -17,6 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .geometry import Geometry
+from .parallel import Run, shares
 from .shells import Shells
 from .visibility import Visibility
 from .walls import comparable, walled
@@ -37,6 +38,8 @@ NEAR_WEIGHT = 4.0
 SMALL_SHELL = 0.5
 # Rooms that a box is told apart into, at most.
 MOST_ROOMS = 4
+# Spots of a thread's piece of work, and the fewest that are worth one.
+CHUNK, LEAST = 2**15, 2**11
 
 
 @dataclass(frozen=True, eq=False)
@@ -56,6 +59,9 @@ class Spots:
         normals = np.where(front[:, None], geometry.normal[triangle], -geometry.normal[triangle])
         ahead = geometry.visibility.hits(geometry.lifted(points, triangle, front), normals)
         return cls(points, normals, triangle, np.where(ahead.triangle >= 0, ahead.distance, np.float32(np.inf)))
+
+    def __len__(self) -> int:
+        return len(self.gap)
 
     def take(self, index: NDArray[Any] | slice) -> Spots:
         """Some of the spots."""
@@ -131,9 +137,18 @@ class Patches:
         for level in range(self.depth):
             self._add_split(level, self.key[patches[self.level[patches] == level]])
 
-    def of(self, spots: Spots) -> NDArray[np.int32]:
+    def of(self, spots: Spots, run: Run | None = None) -> NDArray[np.int32]:
         """The patch of each spot (n,) int32; new patches are numbered in the order of their names."""
-        count = len(spots.gap)
+        run = run or Run()
+        if not len(spots):
+            return np.empty(0, np.int32)
+        boxes = run.map(lambda part: self._boxes(spots.take(part)), shares(len(spots), CHUNK, LEAST))
+        keys, level = (np.concatenate([box[column] for box in boxes]) for column in (0, 1))
+        return self._rooms(spots, keys, level, run)
+
+    def _boxes(self, spots: Spots) -> tuple[Keys, Int]:
+        """The box of each spot: its key and its level (n,)."""
+        count = len(spots)
         keys, level = np.empty(count, np.uint64), np.empty(count, np.int32)
         rest, marks = np.arange(count), self._marks(spots)
         for depth in range(self.depth + 1):
@@ -143,7 +158,7 @@ class Patches:
             rest, marks = rest[deeper], marks.take(deeper)
             if not len(rest):
                 break
-        return self._rooms(spots, keys, level)
+        return keys, level
 
     def part(self, points: Float, patches: Int) -> NDArray[np.uint8]:
         """Which eighth of its patch's box each point lies in, 0 ... 7."""
@@ -151,12 +166,14 @@ class Patches:
         voxel = np.floor((points - self._low) / half[:, None]).astype(np.int64) & 1
         return np.asarray(voxel @ np.array([1, 2, 4]), np.uint8)
 
-    def _rooms(self, spots: Spots, keys: Keys, level: Int) -> NDArray[np.int32]:
+    def _rooms(self, spots: Spots, keys: Keys, level: Int, run: Run) -> NDArray[np.int32]:
         """The patch of each spot (n,): of a box's patches the first that no wall hides from it."""
         numbers = self._numbers(spots, keys, keys, level)
         here = np.arange(len(keys))
         for room in range(1, MOST_ROOMS):
-            here = here[self._walled(spots.take(here), numbers[here], level[here])]
+            parts = [here[part] for part in shares(len(here), CHUNK, LEAST)]
+            walls = run.map(lambda some: self._walled(spots.take(some), numbers[some], level[some]), parts)
+            here = here[np.concatenate(walls)]
             if not len(here):
                 break
             behind = (keys[here] ^ np.uint64(room)) * np.uint64(0x9E3779B97F4A7C15)

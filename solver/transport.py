@@ -126,7 +126,7 @@ class Transport:
 
     def _settle_in(self, new: slice) -> None:
         if new.start < new.stop:
-            self._cell_patch.append(self.patches.of(self.met.spots.take(new)))
+            self._cell_patch.append(self.patches.of(self.met.spots.take(new), self.run))
             self._make_room()
 
     def _make_room(self) -> None:
@@ -289,7 +289,7 @@ class Transport:
         if chosen.any():
             self.patches.split(np.flatnonzero(chosen))
             moved = np.flatnonzero(chosen[self.cell_patch])
-            self.cell_patch[moved] = self.patches.of(self.met.spots.take(moved))
+            self.cell_patch[moved] = self.patches.of(self.met.spots.take(moved), self.run)
             self._make_room()
             self.rows = [rows.take(~chosen[rows.patch]) for rows in self.rows if not chosen[rows.patch].all()]
             self._unsettle()

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import threading
+import time
 
 import pytest
 from radiosity.solver.errors import Cancelled
@@ -67,3 +68,29 @@ def test_what_fails_beside_fails_where_its_result_is_asked_for():
 
     with run.beside("audit", work) as result, pytest.raises(Cancelled):
         result()
+
+
+@pytest.mark.parametrize("threads", [1, 2])
+def test_work_may_map_work_of_its_own(threads):
+    # Eight pieces that map eight each, on two threads: no thread waits for ever for one that waits.
+    run = Run(threads)
+    rows = run.map(lambda row: run.map(lambda column: 10 * row + column, range(8)), range(8))
+    assert rows == [[10 * row + column for column in range(8)] for row in range(8)]
+
+
+def test_a_piece_that_fails_ends_the_others_before_it_is_told():
+    # The first piece fails while the second is at work: that one has ended when the failure arrives.
+    run, at_work, ended = Run(2), threading.Event(), threading.Event()
+
+    def work(piece):
+        if piece == 0:
+            at_work.wait()
+            raise ValueError("first piece")
+        at_work.set()
+        time.sleep(0.05)
+        ended.set()
+
+    with pytest.raises(ValueError, match="first piece"):
+        run.map(work, range(2))
+    assert ended.is_set()
+    assert run.map(str, range(2)) == ["0", "1"]
