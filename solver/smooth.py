@@ -27,7 +27,7 @@ STEPS = (1, 2, 4)
 BESIDE, ACROSS = np.float32(0.5), np.float32(0.25)
 _KERNEL = np.array([ACROSS, BESIDE, ACROSS, BESIDE, BESIDE, ACROSS, BESIDE, ACROSS], np.float32)
 # Neighbours that differ by this many standard deviations more than noise explains hardly count.
-DEVIATIONS = 1.8
+DEVIATIONS = 1.4
 # Where the excess is this many times that, they don't count at all: no light seeps into the dark.
 FARTHEST = 8.0
 # Receivers that face apart by more than this cosine do not share light.
