@@ -164,7 +164,7 @@ def test_references_of_another_twin_are_passed_over(case: scenes.Case) -> None:
 
 @pytest.mark.slow
 def test_a_twin_s_row_counts_every_lumel_once(case: scenes.Case) -> None:
-    # A floor and two grey cubes that touch, under a sky: the floor's inner lumels are lit, the cubes' two faces that touch
+    # A floor and two cubes that touch, under a sky: the floor's inner lumels are lit, the cubes' two faces that touch
     # are black. Those that count, edges, black and farthest ones are the whole; the row holds.
     known = twin.make_twin(case)
     baker = reference.TwinInCycles(case)
