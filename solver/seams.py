@@ -23,12 +23,12 @@ Int = NDArray[np.integer[Any]]
 
 # Weights of a difference across a seam, of moving a lumel, and of moving a texel of the margin: what fills the margin
 # gives way, what was baked less so.
-SEAM_WEIGHT, LUMEL_WEIGHT, MARGIN_WEIGHT = 4.0, 3.0, 0.1
+SEAM_WEIGHT, LUMEL_WEIGHT, MARGIN_WEIGHT = 4.0, 2.0, 0.1
 # Up to this step, in parts of the light on the seam, a lumel has `LUMEL_WEIGHT`: such steps are noise. Larger ones are
 # what lumels are too coarse for, the edge of a shadow that both charts sample in other places: lumels that are moved
-# there get wrong, so that their weight grows with the square of the step, up to so many times. No one weight for all does
-# both: at 30 the steps in classroom stay 1.23 times those inside charts (1.15 with these), at 10 the error of
-# truck_town's twin goes from .86 to 1.03 per cent (.87 with these).
+# there get wrong, so that their weight grows with the square of the step, up to so many times. No one weight for all
+# does both: at 30 the steps in classroom stay 1.29 times those inside charts (1.16 with these, 1.32 unstitched), at 10
+# the error of truck_town's twin goes from .86 to 1.04 per cent (.88 with these).
 SMALL_STEP, STIFFEST = 0.1, 100.0
 TOLERANCE, MOST_STEPS = 1e-4, 60
 
