@@ -94,7 +94,7 @@ def baked(path: Path, settings: Settings) -> tuple[Lumels, Scene, list[Float]]:
 def pairs_across(lumels: Lumels, taps: seams.Taps) -> Int:
     """(n, 2) lumels on the two sides of a seam: at each of its samples the nearest of each chart; every pair once."""
     row = np.full(len(taps.owner), -1, np.int64)
-    row[texel_of(lumels)] = np.arange(len(lumels))
+    row[seams.texel_of(lumels)] = np.arange(len(lumels))
     own = taps.owner[taps.texel] == taps.chart[:, :, None]
     nearest = np.argmax(np.where(own, taps.weight, -1), axis=2)[:, :, None]
     both = np.take_along_axis(own, nearest, axis=2).all(axis=(1, 2))
@@ -102,17 +102,11 @@ def pairs_across(lumels: Lumels, taps: seams.Taps) -> Int:
     return np.asarray(np.unique(np.sort(pair, axis=1), axis=0))
 
 
-def texel_of(lumels: Lumels) -> Int:
-    """(n,) where the lumels stand among the texels of all pages, one after another."""
-    sizes = np.array([page.width * page.height for page in lumels.pages], np.int64)
-    return np.asarray(np.concatenate([[0], np.cumsum(sizes)])[lumels.page] + lumels.pixel)
-
-
 def steps(lumels: Lumels, images: list[Float], taps: seams.Taps) -> Steps:
     """Mean steps over seams and beside them, see the module."""
     flat = np.concatenate([image.reshape(-1, 3) for image in images]).astype(np.float64)
     shown = (flat[taps.texel] * taps.weight[:, :, :, None]).sum(axis=2)
-    value, position, normal = flat[texel_of(lumels)], lumels.receivers.position, lumels.receivers.normal
+    value, position, normal = flat[seams.texel_of(lumels)], lumels.receivers.position, lumels.receivers.normal
     beside = Neighbours(lumels).at(1)[:, SIDEWAYS]
     pair = pairs_across(lumels, taps)
 
@@ -138,7 +132,8 @@ def measure(path: Path, settings: Settings) -> bool:
     samples = seam_samples(lumels, scene)
     taps = seams.seam_taps(samples, lumels, scene)
     start = time.perf_counter()
-    stitched = seams.Seams(samples, lumels, scene).stitch(images)
+    flat = np.concatenate([image.reshape(-1, 3) for image in images])
+    stitched = seams.Seams(samples, lumels, scene, flat[seams.texel_of(lumels)]).stitch(images)
     seconds = time.perf_counter() - start
     moved = sum(int((new != old).any(axis=2).sum()) for new, old in zip(stitched, images, strict=True))
     print(f"{path.stem}: {len(lumels)} lumels, {len(taps.texel)} samples of seams, {moved} texels moved in "

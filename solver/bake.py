@@ -270,7 +270,7 @@ def bake(scene: Scene, settings: Settings, progress: Progress | None = None,
         triangle = lumels.receivers.triangle
         albedo = work.geometry.reflectance(triangle, *lumels.receivers.barycentric.T)
         values = encode(_passes(direct, bounced, settings.passes), settings.quantity, albedo)
-        seams = Seams(samples, lumels, scene)
+        seams = Seams(samples, lumels, scene, values)
         images = finished(lumels, seams, values, settings)
         layers = group_light(work.split, work.apart, settings.quantity, albedo,
                              lambda light: finished(lumels, seams, light, settings))

@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from .errors import SceneError
+from .lamp_of import LampOf
 from .lights import Light, LightSample
 
 if TYPE_CHECKING:
@@ -67,7 +68,7 @@ FREE = Links()
 
 
 @dataclass(frozen=True, eq=False)
-class Linked:
+class Linked(LampOf):
     """A lamp with links; by itself it shines as the lamp does: what asks for its light minds the links.
 
     Parameters
@@ -78,16 +79,6 @@ class Linked:
 
     lamp: Light
     links: Links
-
-    @property
-    def name(self) -> str:
-        """The lamp's."""
-        return self.lamp.name
-
-    @property
-    def colour(self) -> Float:
-        """The lamp's."""
-        return self.lamp.colour
 
     def power(self) -> Float:
         """The lamp's."""

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from .area_lamp import Area
 from .errors import SceneError
 from .lamp_checks import put
+from .lamp_of import LampOf
 from .lamps import Point
 from .lights import LightSample, dot
 from .spot import Spot
@@ -49,7 +50,7 @@ NATURAL = Falloff()
 
 
 @dataclass(frozen=True, eq=False)
-class Luminaire:
+class Luminaire(LampOf):
     """A point, spot or area lamp times a pattern of directions and a falloff.
 
     Parameters
@@ -78,16 +79,6 @@ class Luminaire:
             if isinstance(self.lamp, Area):
                 raise SceneError(f"lamp {self.name!r}: an area lamp has no pattern of directions")
             put(self, pattern=pattern)
-
-    @property
-    def name(self) -> str:
-        """The lamp's."""
-        return self.lamp.name
-
-    @property
-    def colour(self) -> Float:
-        """The lamp's."""
-        return self.lamp.colour
 
     @property
     def is_dimmed(self) -> bool:

@@ -134,7 +134,8 @@ def _add_to_lumels(bake: Bake, scene: Scene, settings: Settings, looks: Sequence
     for number, page in enumerate(bake.lightmaps):
         here = lumels.page == number
         change[here] += page.pixels.reshape(-1, 3)[lumels.pixel[here]]
-    return finished(lumels, Seams(samples, lumels, scene), np.maximum(change, 0), settings), noise
+    values = np.maximum(change, 0)
+    return finished(lumels, Seams(samples, lumels, scene, values), values, settings), noise
 
 
 def _smoothed(looks: Sequence[Float], receivers: Receivers, near: Neighbours, run: Run) -> tuple[Float, float]:

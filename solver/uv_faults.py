@@ -53,8 +53,9 @@ def stretch(positions: Float, uv: Float) -> tuple[Float, Float]:
 
     Returns
     -------
-    ratio : (t,) longest over shortest way that one unit of the layout covers in space (1 is undistorted).
-    density : (t,) units of the layout per metre, the root of area over area; 0 where the layout has none.
+    ratio : (t,) longest over shortest way that one unit of the layout covers in space (1 is undistorted); inf for a
+        triangle without area in the layout or in space.
+    density : (t,) units of the layout per metre, the root of area over area; 0 for such a triangle.
 
     Notes
     -----
@@ -63,18 +64,18 @@ def stretch(positions: Float, uv: Float) -> tuple[Float, Float]:
     a, b = positions[:, 1] - positions[:, 0], positions[:, 2] - positions[:, 0]
     s, t = (np.asarray(uv[:, k] - uv[:, 0], np.float64) for k in (1, 2))
     area = s[:, 0] * t[:, 1] - s[:, 1] * t[:, 0]
-    with np.errstate(divide="ignore", invalid="ignore"):
-        along = (a * t[:, 1:] - b * s[:, 1:]) / area[:, None]
-        across = (b * s[:, :1] - a * t[:, :1]) / area[:, None]
-    one, two, both = (np.einsum("ij,ij->i", x, y) for x, y in ((along, along), (across, across), (along, across)))
-    root = np.sqrt(np.maximum((one - two) ** 2 + 4 * both**2, 0))
-    longest, shortest = np.sqrt((one + two + root) / 2), np.sqrt(np.maximum((one + two - root) / 2, 0))
     space = np.linalg.norm(np.cross(a, b), axis=1)
-    with np.errstate(divide="ignore", invalid="ignore"):
-        ratio = longest / shortest
-        density = np.sqrt(np.abs(area) / space)
-    bad = area == 0
-    return np.where(bad, np.inf, np.nan_to_num(ratio, nan=np.inf)), np.where(bad | (space == 0), 0, density)
+    # A triangle that is a line or a point in the layout or in space is flat without bound.
+    ratio, density = np.full(len(uv), np.inf), np.zeros(len(uv))
+    rows = np.flatnonzero((area != 0) & (space > 0))
+    a, b, s, t, area = a[rows], b[rows], s[rows], t[rows], area[rows]
+    along, across = (a * t[:, 1:] - b * s[:, 1:]) / area[:, None], (b * s[:, :1] - a * t[:, :1]) / area[:, None]
+    one, two, both = (np.einsum("ij,ij->i", x, y) for x, y in ((along, along), (across, across), (along, across)))
+    longest = np.sqrt((one + two + np.hypot(one - two, 2 * both)) / 2)
+    # The singular values' product is area over area: no difference of large numbers for the small one.
+    product = space[rows] / np.abs(area)
+    ratio[rows], density[rows] = longest**2 / product, product**-0.5
+    return ratio, density
 
 
 def distorted_parts(positions: Float, uv: Float) -> tuple[float, float, float]:

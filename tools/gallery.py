@@ -19,9 +19,10 @@ import subprocess
 import sys
 import tempfile
 from collections import Counter
-from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
+
+from radiosity.tools.page_table import with_rows
 
 ROOT = Path(__file__).resolve().parents[1]
 PAGE, PICTURES, OUT = ROOT / "docs" / "scenes.md", ROOT / "docs" / "scenes", ROOT / "out" / "gallery"
@@ -64,32 +65,6 @@ def row(name: str, report: dict[str, Any], options: str) -> tuple[str, ...]:
             told)
 
 
-def table_of(text: str) -> dict[str, tuple[str, ...]]:
-    """The rows of the page's table by their scenes."""
-    rows = {}
-    for line in text.partition(line_of(HEAD))[2].splitlines()[2:]:
-        if not line.startswith("|"):
-            break
-        cells = tuple(cell.strip() for cell in line.strip("|").split("|"))
-        rows[cells[0]] = cells
-    return rows
-
-
-def line_of(cells: Iterable[str]) -> str:
-    """A line of a table."""
-    return f"| {' | '.join(cells)} |"
-
-
-def with_rows(text: str, rows: dict[str, tuple[str, ...]]) -> str:
-    """The page with these rows in its table, in the order of their names; the rest as it is."""
-    before, head, after = text.partition(line_of(HEAD))
-    rest = after.splitlines(keepends=True)[1:]
-    while rest and rest[0].startswith("|"):
-        rest.pop(0)
-    lines = [head, "|---" * len(HEAD) + "|", *(line_of(rows[name]) for name in sorted(rows))]
-    return before + "\n".join(lines) + "\n" + "".join(rest)
-
-
 def main() -> int:
     """Command line; 1 if a scene failed."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
@@ -113,7 +88,7 @@ def main() -> int:
             report = json.loads((folder / "report.json").read_text(encoding="utf-8"))
             page = PAGE.read_text(encoding="utf-8")
             options = (folder / "options.txt").read_text(encoding="utf-8")
-            PAGE.write_text(with_rows(page, {**table_of(page), name: row(name, report, options)}), encoding="utf-8")
+            PAGE.write_text(with_rows(page, HEAD, {name: row(name, report, options)}), encoding="utf-8")
             print(*row(name, report, options), sep="  ", flush=True)
     return 1 if failed else 0
 

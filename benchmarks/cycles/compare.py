@@ -156,6 +156,24 @@ class Comparison:
         self._draw(row, radiance, inner.mean)
         return row
 
+    def add_ours(self, error: float, extra: tuple[str, ...] = ()) -> tuple[Row, ours.OurBake]:
+        """Bake to `error` with our program, `extra` words on its command line, and score the result."""
+        busy = load()
+        done = ours.bake(self.case, self.known, error, self.case.folder / f"ours_{error:g}", extra)
+        row = self.add(
+            "ours",
+            f"{error:g}",
+            done.radiance,
+            done.seconds,
+            process_seconds=done.process_seconds,
+            cpu_seconds=done.cpu_seconds,
+            busy=busy,
+            rays=done.rays,
+            estimated=done.estimated.get("rms"),
+            reached=done.reached,
+        )
+        return row, done
+
     def _draw(self, row: Row, radiance: dict[str, Float], mean: float) -> None:
         truth = {name: (self.pair.first[name] + self.pair.second[name]) / 2 for name in self.squares}
         pictures.write_sheet(
@@ -178,21 +196,7 @@ def load() -> float:
 def run_ours(comparison: Comparison, errors: list[float], extra: tuple[str, ...], by_object: bool) -> None:
     """Our bakes, one for each wanted error."""
     for error in errors:
-        folder = comparison.case.folder / f"ours_{error:g}"
-        busy = load()
-        done = ours.bake(comparison.case, comparison.known, error, folder, extra)
-        row = comparison.add(
-            "ours",
-            f"{error:g}",
-            done.radiance,
-            done.seconds,
-            process_seconds=done.process_seconds,
-            cpu_seconds=done.cpu_seconds,
-            busy=busy,
-            rays=done.rays,
-            estimated=done.estimated.get("rms"),
-            reached=done.reached,
-        )
+        row, done = comparison.add_ours(error, extra)
         print_row(row)
         if by_object:
             for name, lumels, rms, bias in comparison.by_object(done.radiance):

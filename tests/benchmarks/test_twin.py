@@ -11,6 +11,7 @@ import pytest
 
 pytest.importorskip("bpy", reason="Blender as a module (bpy) is not installed")
 
+from radiosity.benchmarks import twins
 from radiosity.benchmarks.cycles import reference, scenes, twin, worst
 from radiosity.benchmarks.cycles.blender import open_blend
 
@@ -19,7 +20,7 @@ SKY = 0.75
 
 @pytest.fixture
 def case(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> scenes.Case:
-    """A black floor under a uniform sky, a pane of glass over it, and a cube without material and UV far below."""
+    """A dark floor under a uniform sky, a pane of glass over it, and a cube without material and UV far below."""
     monkeypatch.setattr(scenes, "SCENES", tmp_path / "scenes")
     monkeypatch.setattr(scenes, "OUTPUT", tmp_path / "out")
     (tmp_path / "scenes" / "made").mkdir(parents=True)
@@ -36,7 +37,8 @@ def _make_scene(path: Path) -> None:
     with pytest.warns(DeprecationWarning, match="use_nodes"):
         scene.world.use_nodes = True
     scene.world.node_tree.nodes["Background"].inputs["Color"].default_value = (SKY, SKY, SKY, 1)
-    _quad(bpy, "Floor", 2.0, 0.0, _material(bpy, "Black", (0, 0, 0)))
+    # Not black: Cycles drops a surface that reflects nothing, and its bake without colour is black too.
+    _quad(bpy, "Floor", 2.0, 0.0, _material(bpy, "Dark", (0.1, 0.1, 0.1)))
     _quad(bpy, "Pane", 2.0, 1.0, _material(bpy, "Glass", (1, 1, 1), transmission=1.0))
     bpy.ops.mesh.primitive_cube_add(size=1, location=(0, 0, -50), calc_uvs=False)
     bpy.context.object.modifiers.new("Array", "ARRAY").count = 2
@@ -119,8 +121,8 @@ def test_a_crop_keeps_all_of_the_surface_in_two_objects(case: scenes.Case) -> No
     assert [row["area"] for row in known["receivers"]] == pytest.approx([8.0, 8.0])
 
 
-def test_cycles_bakes_the_sky_s_radiance_on_a_black_floor_under_it(case: scenes.Case) -> None:
-    # Uniform sky L over an unoccluded black floor: E = pi L, so the bake of E / pi is L everywhere.
+def test_cycles_bakes_the_sky_s_radiance_on_a_floor_under_it(case: scenes.Case) -> None:
+    # Uniform sky L over an unoccluded floor: E = pi L, so the bake of E / pi is L everywhere.
     reference.refine(case, reference.LEAST_REFERENCE_SAMPLES, wanted=0.0, minutes=1e-6)
     content = twin.make_twin(case)["content"]
     assert reference.references(case, content) is None
@@ -130,6 +132,7 @@ def test_cycles_bakes_the_sky_s_radiance_on_a_black_floor_under_it(case: scenes.
     pair = reference.references(case, content)
     assert pair is not None
     inner = reference.selection(case, pair).counted["Floor"].inner
+    assert inner.sum() == twin.make_twin(case)["receivers"][0]["inner"]
     np.testing.assert_allclose(pair.first["Floor"][inner], SKY, rtol=1e-3)
     assert (pair.first["Cube"] != pair.second["Cube"]).any()
     assert reference.noise(case, content) < 0.05
@@ -157,3 +160,23 @@ def test_references_of_another_twin_are_passed_over(case: scenes.Case) -> None:
     reference.save(case, reference.TwinInCycles(case).bake(1, 1), "another")
     assert reference.load(case, "this one") == []
     assert [bake.samples for bake in reference.load(case, "another")] == [1]
+
+
+@pytest.mark.slow
+def test_a_twin_s_row_counts_every_lumel_once(case: scenes.Case) -> None:
+    # A floor and two cubes that touch, under a sky: the floor's inner lumels are lit, the cubes' two faces that touch
+    # are black. Those that count, edges, black and farthest ones are the whole; the row holds.
+    known = twin.make_twin(case)
+    baker = reference.TwinInCycles(case)
+    for seed in (1, 2):
+        reference.save(case, baker.bake(reference.LEAST_REFERENCE_SAMPLES, seed), known["content"])
+    row = twins.measure(case, 0.02)
+    assert row.lumels + row.edges + row.black + row.farthest == known["lumels"]
+    floor, cube = known["receivers"]
+    assert row.black == pytest.approx(cube["lumels"] / 6, rel=0.1)
+    assert floor["inner"] + cube["inner"] * 5 / 6 == pytest.approx(row.lumels + row.farthest, rel=0.1)
+    assert (row.first_samples, row.second_samples) == (64, 64)
+    assert row.rms < 0.01
+    assert row.rms_low <= row.rms <= row.rms_high
+    assert row.estimated_low <= row.estimated <= row.estimated_high
+    assert row.holds()

@@ -106,3 +106,16 @@ def stage() -> Any:
     from radiosity.tests.blender.stage import set_stage
 
     return set_stage()
+
+
+@pytest.fixture
+def sunny(build: Any) -> Iterator[Any]:
+    """The operators, a sun of 1 W/m2 straight down, and settings for the quickest bake; yields `build`."""
+    from radiosity import operators
+
+    operators.register()
+    build.sun()
+    settings = bpy.context.scene.radiosity
+    settings.error, settings.resolution, settings.pack = 0.2, 32, True
+    yield build
+    operators.unregister()

@@ -2,10 +2,8 @@
 
 from __future__ import annotations
 
-import csv
 import importlib.util
 import math
-from collections.abc import Iterator
 from pathlib import Path
 from types import ModuleType
 from typing import Any
@@ -13,8 +11,7 @@ from typing import Any
 import bpy
 import numpy as np
 import pytest
-from radiosity import operators
-from radiosity.radiosity_addon import false_colour, legend, patch_mesh, preview, results, slots
+from radiosity.radiosity_addon import patch_mesh, preview, results, slots
 from radiosity.radiosity_addon.baked_light import VIEW_MARK
 
 # Of a white irradiance of 1 W/m2, lx.
@@ -32,17 +29,6 @@ def load(name: str) -> ModuleType:
 
 
 fingerprints = load("fingerprint")
-
-
-@pytest.fixture
-def stage(build: Any) -> Iterator[Any]:
-    """The operators, a sun of 1 W/m2 straight down, and settings for the quickest bake."""
-    operators.register()
-    build.sun()
-    settings = bpy.context.scene.radiosity
-    settings.error, settings.resolution, settings.pack = 0.2, 32, True
-    yield build
-    operators.unregister()
 
 
 def snapshot() -> dict[str, Any]:
@@ -105,10 +91,10 @@ def rich_scene(build: Any) -> None:
 
 
 @pytest.mark.parametrize("target", ["lightmap", "vertex"])
-def test_views_and_clear_leave_every_datablock_as_it_was(stage, target):
+def test_views_and_clear_leave_every_datablock_as_it_was(sunny, target):
     # Slots, maps and node trees of every kind. Exact answer: each view off again is the file before it, and a cleared
     # file is the one before the bake: names, node trees, slots, users, images, UV maps, attributes, settings.
-    rich_scene(stage)
+    rich_scene(sunny)
     bpy.context.scene.radiosity.target = target
     before = snapshot()
     assert bpy.ops.radiosity.bake() == {"FINISHED"}
@@ -127,9 +113,9 @@ def test_views_and_clear_leave_every_datablock_as_it_was(stage, target):
     assert changes(before) == []
 
 
-def test_a_view_survives_saving_and_loading(stage, tmp_path):
+def test_a_view_survives_saving_and_loading(sunny, tmp_path):
     # Saved while the baked look is on. Exact answer: loaded again, the slots go back to what they were.
-    rich_scene(stage)
+    rich_scene(sunny)
     bpy.ops.radiosity.bake()
     wanted = {item.name: [(slot.link, slot.material.name if slot.material else None) for slot in item.material_slots]
               for item in bpy.data.objects}
@@ -171,19 +157,19 @@ def render_middle() -> np.ndarray:
 
 @pytest.mark.parametrize(("target", "quantity"), [("lightmap", "radiance"), ("lightmap", "irradiance"),
                                                   ("lightmap", "radiosity"), ("vertex", "radiance")])
-def test_the_baked_look_is_albedo_times_light_over_pi(stage, target, quantity):
+def test_the_baked_look_is_albedo_times_light_over_pi(sunny, target, quantity):
     # A square of colour (.5, .25, .125) under a sun of 1 W/m2, rendered by Cycles without any lamp.
     # Exact answer: rho E / pi, whatever was stored.
-    stage.mesh("Square", material=(0.5, 0.25, 0.125))
+    sunny.mesh("Square", material=(0.5, 0.25, 0.125))
     bpy.context.scene.radiosity.target, bpy.context.scene.radiosity.quantity = target, quantity
     bpy.ops.radiosity.bake()
     bpy.ops.radiosity.preview()
     assert render_middle() == pytest.approx(np.array([0.5, 0.25, 0.125]) / math.pi, rel=0.01)
 
 
-def test_mixed_shaders_and_groups_look_as_their_parts(stage):
+def test_mixed_shaders_and_groups_look_as_their_parts(sunny):
     # A mix, one half Principled (.1, .2, .3), the other a Diffuse of .8 inside a group. Exact answer: the mean colour.
-    rich_scene(stage)
+    rich_scene(sunny)
     for name in ("Two", "Own", "Empty", "Bare", "Twin"):
         bpy.data.objects.remove(bpy.data.objects[name])
     bpy.data.objects["Hidden"].location = (0, 0, 0)
@@ -192,10 +178,10 @@ def test_mixed_shaders_and_groups_look_as_their_parts(stage):
     assert render_middle() == pytest.approx(np.array([0.45, 0.5, 0.55]) / math.pi, rel=0.02)
 
 
-def test_a_bake_during_a_view_reads_the_users_materials_and_keeps_the_view(stage):
+def test_a_bake_during_a_view_reads_the_users_materials_and_keeps_the_view(sunny):
     # A wall beside a floor, baked, then baked again with the baked look on. Exact answer: the same light, still shown.
-    stage.mesh("Floor", material=(0.7, 0.7, 0.7))
-    stage.mesh("Wall", points=((0, 0, 0), (0, 1, 0), (0, 1, 1), (0, 0, 1)), material=(0.7, 0.1, 0.1))
+    sunny.mesh("Floor", material=(0.7, 0.7, 0.7))
+    sunny.mesh("Wall", points=((0, 0, 0), (0, 1, 0), (0, 1, 1), (0, 0, 1)), material=(0.7, 0.1, 0.1))
     bpy.ops.radiosity.bake()
 
     def light() -> np.ndarray:
@@ -215,104 +201,6 @@ def test_a_bake_during_a_view_reads_the_users_materials_and_keeps_the_view(stage
     assert VIEW_MARK in bpy.data.objects["Floor"].material_slots[0].material
 
 
-@pytest.mark.parametrize(("target", "quantity"), [("lightmap", "radiance"), ("lightmap", "illuminance"),
-                                                  ("vertex", "irradiance")])
-def test_the_table_of_lux_gives_exact_means_and_areas(stage, target, quantity):
-    # A black floor of 2 m2 under a sun of 1 W/m2, and one turned by 60 degrees, far away.
-    # Exact answers: 683 lx and half of it, the same everywhere, uniformity 1.
-    bpy.context.scene.radiosity.target, bpy.context.scene.radiosity.quantity = target, quantity
-    floor = stage.mesh("Floor", material=(0.0, 0.0, 0.0))
-    floor.scale = (2, 1, 1)
-    stage.mesh("Slope", material=(0.0, 0.0, 0.0)).location = (50, 0, 0)
-    bpy.data.objects["Slope"].rotation_euler = (math.radians(60), 0, 0)
-    bpy.ops.radiosity.bake()
-    assert bpy.ops.radiosity.lux_view() == {"FINISHED"}
-    rows = {row.name: row for row in bpy.context.scene.radiosity_view.rows}
-    assert (rows["Floor"].minimum, rows["Floor"].mean, rows["Floor"].maximum) == pytest.approx((WHITE,) * 3, rel=0.01)
-    assert rows["Slope"].mean == pytest.approx(WHITE / 2, rel=0.01)
-    assert (rows["Floor"].area, rows["Slope"].area) == pytest.approx((2, 1), rel=1e-5)
-    assert rows["Floor"].uniformity == pytest.approx(1, rel=0.01)
-
-
-def test_lux_of_a_gradient_is_weighted_by_area(stage):
-    # Vertex colours set by hand on a unit square, 0 and 2 W/m2 on two sides. Exact answer: 0, 683, 1366 lx.
-    bpy.context.scene.radiosity.target, bpy.context.scene.radiosity.quantity = "vertex", "irradiance"
-    square = stage.mesh("Square", material=(0.5, 0.5, 0.5))
-    bpy.ops.radiosity.bake()
-    for corner, loop in zip(square.data.color_attributes["Radiosity"].data, square.data.loops, strict=True):
-        value = 2 * square.data.vertices[loop.vertex_index].co.x
-        corner.color = (value, value, value, 1)
-    bpy.ops.radiosity.lux_view()
-    row = bpy.context.scene.radiosity_view.rows["Square"]
-    assert (row.minimum, row.mean, row.maximum) == pytest.approx((0, WHITE, 2 * WHITE), rel=1e-5)
-
-
-def test_lux_of_radiosity_is_refused(stage):
-    stage.mesh("Square", material=(0.5, 0.5, 0.5))
-    bpy.context.scene.radiosity.quantity = "radiosity"
-    bpy.ops.radiosity.bake()
-    with pytest.raises(RuntimeError, match="bake radiance, irradiance or illuminance"):
-        bpy.ops.radiosity.lux_view()
-    assert bpy.context.scene.radiosity_view.mode == "OFF"
-
-
-def test_a_working_plane_leaves_out_what_lies_inside_furniture(stage, tmp_path):
-    # A black floor of 4 m x 4 m under a sun of 1 W/m2, a closed black cube of 1 m standing on it; plane at .8 m.
-    # Exact answers: 683 lx on 15 m2; nothing of it blocks light or is in a later bake; the CSV holds the same.
-    floor = stage.mesh("Floor", points=[(-2, -2, 0), (2, -2, 0), (2, 2, 0), (-2, 2, 0)], material=(0.0, 0.0, 0.0))
-    stage.cube("Cube", material=(0.0, 0.0, 0.0)).location.z = 0.5
-    bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / "plane.blend"))
-    floor = bpy.data.objects["Floor"]
-    view = bpy.context.scene.radiosity_view
-    view.floor = floor
-    assert bpy.ops.radiosity.working_plane() == {"FINISHED"}
-    row = view.rows[-1]
-    assert row.name == "Plane 0.8 m"
-    assert (row.minimum, row.mean, row.maximum) == pytest.approx((WHITE,) * 3, rel=0.01)
-    assert row.area == pytest.approx(15)
-    plane = next(item for item in bpy.data.objects if VIEW_MARK in item)
-    assert plane.hide_render
-    assert len(plane.data.polygons) == 240
-    assert bpy.ops.radiosity.lux_csv() == {"FINISHED"}
-    table = list(csv.reader((tmp_path / "lightmaps" / "lux.csv").read_text(encoding="utf-8").splitlines()))
-    assert table[0] == ["name", "minimum lx", "mean lx", "maximum lx", "uniformity", "area m2"]
-    assert float(table[1][2]) == pytest.approx(row.mean, rel=1e-5)
-    assert bpy.ops.radiosity.lux_view() == {"FINISHED"}
-    assert not [item for item in bpy.data.objects if VIEW_MARK in item]
-
-
-@pytest.mark.parametrize(("change", "told"), [({"spacing": 0.001}, "raise its spacing"),
-                                              ({"border": 3.0}, "leaves nothing of a floor"),
-                                              ({"height": -1.0}, "no light reaches the working plane")])
-def test_a_working_plane_that_cannot_be_is_told(stage, change, told):
-    stage.mesh("Floor", material=(0.5, 0.5, 0.5))
-    for name, value in change.items():
-        setattr(bpy.context.scene.radiosity_view, name, value)
-    with pytest.raises(RuntimeError, match=told):
-        bpy.ops.radiosity.working_plane()
-    assert bpy.ops.radiosity.working_plane.poll()
-
-
-def test_scales_have_round_numbers():
-    assert false_colour.nice_step(1000) == pytest.approx(100)
-    assert false_colour.nice_step(0.73) == pytest.approx(0.1)
-    assert false_colour.nice_step(2400) == pytest.approx(250)
-    assert false_colour.nice_top(683) == pytest.approx(700)
-    assert false_colour.ticks(0, 500, 100) == pytest.approx([0, 100, 200, 300, 400, 500])
-    assert false_colour.ticks(50, 480, 100) == pytest.approx([50, 100, 200, 300, 400, 480])
-
-
-def test_the_legend_names_the_values_of_the_isolines(stage):
-    stage.mesh("Square", material=(0.0, 0.0, 0.0))
-    bpy.ops.radiosity.bake()
-    bpy.ops.radiosity.lux_view()
-    assert [text for _, text in legend.lines(bpy.context.scene.radiosity_view)] == [
-        "0", "100", "200", "300", "400", "500", "600", "700"]
-    bpy.context.scene.radiosity_view.automatic = False
-    bpy.context.scene.radiosity_view.high = 2000
-    assert legend.lines(bpy.context.scene.radiosity_view)[-1] == (1.0, "2000")
-
-
 def closed_box(build: Any) -> None:
     """A cube with its faces inward, the ceiling turned outward, lit by a point lamp."""
     box = build.cube("Box", 2.0, material=(0.5, 0.5, 0.5))
@@ -324,10 +212,10 @@ def closed_box(build: Any) -> None:
     build.object("Lamp", lamp)
 
 
-def test_leaks_lead_to_a_flipped_face(stage):
+def test_leaks_lead_to_a_flipped_face(sunny):
     # A closed box whose ceiling faces outward. Exact answers: no ray escapes; a fifth of the floor's rays meet the
     # ceiling's back (F of opposite squares of a cube: .1998); the worst place sees it, and its object gets selected.
-    closed_box(stage)
+    closed_box(sunny)
     bpy.ops.radiosity.bake()
     found = patch_mesh.load()
     assert found is not None
@@ -359,10 +247,10 @@ def test_leaks_lead_to_a_flipped_face(stage):
         assert bpy.context.scene.radiosity_view.scale_title.startswith(figure.capitalize())
 
 
-def test_an_excluded_object_blocks_light_and_holds_none(stage):
+def test_an_excluded_object_blocks_light_and_holds_none(sunny):
     # A board over a floor under the sun, excluded. Exact answers: no map on the board, its shadow on the floor.
-    floor = stage.mesh("Floor", points=[(-2, -2, 0), (2, -2, 0), (2, 2, 0), (-2, 2, 0)], material=(0.0, 0.0, 0.0))
-    board = stage.mesh("Board", material=(0.0, 0.0, 0.0))
+    floor = sunny.mesh("Floor", points=[(-2, -2, 0), (2, -2, 0), (2, 2, 0), (-2, 2, 0)], material=(0.0, 0.0, 0.0))
+    board = sunny.mesh("Board", material=(0.0, 0.0, 0.0))
     board.location = (-0.5, -0.5, 1)
     board.radiosity.exclude = True
     bpy.context.scene.radiosity.resolution = 64
@@ -378,10 +266,10 @@ def test_an_excluded_object_blocks_light_and_holds_none(stage):
         bpy.ops.radiosity.bake(options="--only Board")
 
 
-def test_density_counts_pixels_a_metre(stage):
+def test_density_counts_pixels_a_metre(sunny):
     # Two squares of 1 m2 on one page, one at three times the density. Exact answer: its map is three times as wide.
     for name, factor in (("Coarse", 1), ("Fine", 3)):
-        stage.mesh(name, material=(0.5, 0.5, 0.5)).radiosity.density = factor
+        sunny.mesh(name, material=(0.5, 0.5, 0.5)).radiosity.density = factor
     bpy.data.objects["Fine"].location.x = 5
     bpy.context.scene.radiosity.resolution = 128
     bpy.ops.radiosity.bake()
@@ -392,9 +280,9 @@ def test_density_counts_pixels_a_metre(stage):
     assert width["Fine"] == pytest.approx(3 * width["Coarse"], rel=0.02)
 
 
-def test_findings_of_a_check_are_listed(stage):
+def test_findings_of_a_check_are_listed(sunny):
     # A curve, which can't hold a bake, beside a square. Exact answer: one finding on it; clear empties the list.
-    stage.mesh("Square", material=(0.5, 0.5, 0.5))
+    sunny.mesh("Square", material=(0.5, 0.5, 0.5))
     curve = bpy.data.curves.new("Curve", "CURVE")
     curve.dimensions, curve.fill_mode = "2D", "BOTH"
     spline = curve.splines.new("POLY")
@@ -402,7 +290,7 @@ def test_findings_of_a_check_are_listed(stage):
     for point, place in zip(spline.points, ((2, 0), (3, 0), (3, 1), (2, 1)), strict=True):
         point.co = (*place, 0, 1)
     spline.use_cyclic_u = True
-    stage.object("Curve", curve)
+    sunny.object("Curve", curve)
     assert bpy.ops.radiosity.check() == {"FINISHED"}
     view = bpy.context.scene.radiosity_view
     assert [finding.name for finding in view.findings if finding.code == "not_baked"] == ["Curve"]

@@ -42,30 +42,30 @@ class Case(NamedTuple):
 
 
 CASES = {
-    "S-1": Case("gaps of .01 to .0001 of the side", ("test_form_factor.py::test_gap_closes_without_a_jump",)),
+    "S-1": Case("gaps of .01 to .0001 of the side", ("test_form_factor_stability.py::test_gap_closes_without_a_jump",)),
     "S-2": Case("polygons that share an edge at 1 to 179 degrees",
-                ("test_form_factor.py::test_shared_edge_at_any_angle",)),
-    "S-3": Case("distances of 10 to 100,000 sides", ("test_form_factor.py::test_distance_costs_no_digits",
+                ("test_form_factor_stability.py::test_shared_edge_at_any_angle",)),
+    "S-3": Case("distances of 10 to 100,000 sides", ("test_form_factor_stability.py::test_distance_costs_no_digits",
                                                      "test_polygon.py::test_distance_costs_no_digits")),
     "S-4": Case("polygons through the receiver's horizon", (
         "test_polygon.py::test_polygon_through_the_horizon_is_clipped",
-        "test_form_factor.py::test_polygon_that_crosses_the_others_plane_counts_with_its_front_part_alone",
-        "test_form_factor.py::test_planes_that_cut_both_polygons_clip_both")),
+        "test_form_factor_stability.py::test_polygon_that_crosses_the_others_plane_counts_with_its_front_part_alone",
+        "test_form_factor_stability.py::test_planes_that_cut_both_polygons_clip_both")),
     "S-5": Case("scenes of 4 mm and 4 km, or 10,000 sizes from the origin", (
-        "test_form_factor.py::test_scale_and_place_of_a_scene_do_not_matter",
+        "test_form_factor_stability.py::test_scale_and_place_of_a_scene_do_not_matter",
         "test_radiosity_stability.py::test_a_room_of_any_size_and_place_gets_the_same_light",
         "test_stability_plates.py::test_plates_of_any_size_and_place_get_the_exact_light")),
     "S-6": Case("needles of 1 : 10,000", (
-        "test_form_factor.py::test_needles_keep_their_digits",
+        "test_form_factor_stability.py::test_needles_keep_their_digits",
         "test_stability_scenes.py::test_walls_of_needles_reflect_as_whole_ones",
         "test_stability_plates.py::test_plates_made_of_bad_faces_get_the_exact_light")),
     "S-7": Case("a thin occluder on or off the line between centres", (
-        "test_form_factor.py::test_thin_occluder_on_or_off_the_line_of_centres_blocks_the_same",)),
+        "test_form_factor_stability.py::test_thin_occluder_on_or_off_the_line_of_centres_blocks_the_same",)),
     "S-8": Case("an occluder over a thousandth of the light", (
-        "test_form_factor.py::test_occluder_over_a_thousandth_of_the_light_is_not_lost",
+        "test_form_factor_stability.py::test_occluder_over_a_thousandth_of_the_light_is_not_lost",
         "test_many_lights.py::test_an_occluder_of_a_thousandth_of_the_light_is_found")),
     "S-9": Case("a pin-hole that few rays find", (
-        "test_form_factor.py::test_pin_hole_is_found_or_the_error_bar_says_so",
+        "test_form_factor_stability.py::test_pin_hole_is_found_or_the_error_bar_says_so",
         "test_stability_scenes.py::test_a_pin_hole_that_a_bake_misses_is_in_its_error_bar")),
     "S-10": Case("rooms that absorb a thousandth, or nothing", (
         "test_radiosity_stability.py::test_a_closed_room_that_absorbs_next_to_nothing_is_solved",
@@ -97,7 +97,7 @@ CASES = {
     "S-18": Case("the light of two lamps is the sum of each",
                  ("test_radiosity_stability.py::test_the_light_of_two_lamps_is_the_sum_of_each",)),
     "S-19": Case("a scene turned by 37 degrees about a skew axis", (
-        "test_form_factor.py::test_rotation_does_not_matter",
+        "test_form_factor_stability.py::test_rotation_does_not_matter",
         "test_radiosity_stability.py::test_a_turned_room_gets_the_same_light",
         "test_stability_plates.py::test_turned_plates_get_the_exact_light")),
     "S-20": Case("coplanar faces that fight for every ray", (

@@ -8,7 +8,7 @@ from radiosity.solver.finish import finished, to_images
 from radiosity.solver.lumels import lumels
 from radiosity.solver.scene import Scene, Surface
 from radiosity.solver.seam_samples import seam_samples
-from radiosity.solver.seams import Seams
+from radiosity.solver.seams import Seams, seam_taps, stiffness, texel_of
 from radiosity.solver.settings import Settings
 
 SIDE = 48
@@ -32,8 +32,13 @@ def baked(scene, light):
     return result, to_images(result, light(result.receivers.position + scene.origin), SETTINGS)
 
 
-def seams(result, scene):
-    return Seams(seam_samples(result, scene), result, scene)
+def seams(result, scene, images):
+    """The seams, as stiff as the light of the lumels in the images asks."""
+    return stiff_for(result, scene, np.concatenate([image.reshape(-1, 3) for image in images])[texel_of(result)])
+
+
+def stiff_for(result, scene, values):
+    return Seams(seam_samples(result, scene), result, scene, values)
 
 
 def filtered(image, uv):
@@ -64,17 +69,53 @@ def test_a_seam_closes():
     # by more than the noise's spread of three sigma.
     scene = two_squares()
     result, images = baked(scene, rough)
-    stitched = seams(result, scene).stitch(images)
+    stitched = seams(result, scene, images).stitch(images)
     assert gap(stitched[0]) < gap(images[0]) / 3
     change = (stitched[0] - images[0]).reshape(-1, 3)[result.pixel]
     assert np.abs(change).max() < .3
+
+
+def test_lumels_are_as_stiff_as_the_square_of_the_step_beside_the_light():
+    # Light 1 on the left and b on the right: a step of 2 |b - 1| / (b + 1), in tenths and squared. Exact answers: 1 for
+    # b = 1.05, 4 for 11 / 9, 100 at the most for 4.
+    scene = two_squares()
+    result = lumels(scene, SETTINGS, [])
+    taps = seam_taps(seam_samples(result, scene), result, scene)
+    at_seam = np.unique(taps.texel[(taps.weight > .1) & (taps.owner[taps.texel] >= 0)])
+    right = result.receivers.position[:, 0] + scene.origin[0] > 1
+    for bright, stiff in ((1.05, 1), (11 / 9, 4), (4, 100)):
+        light = np.zeros((len(taps.owner), 3))
+        light[texel_of(result)] = np.where(right, bright, 1)[:, None]
+        assert stiffness(taps, light)[at_seam] == pytest.approx(stiff, rel=1e-9)
+
+
+def test_a_step_of_light_moves_lumels_less_than_noise_does():
+    # Light 1 and 1.1, and light 1 and 4, on two charts: exact answer none; of the larger step a smaller part is taken.
+    scene = two_squares()
+    parts = []
+    for bright in (1.1, 4):
+        result, images = baked(scene, lambda p, bright=bright: np.where(p[:, :1] > 1, bright, 1) * np.ones(3))
+        change = seams(result, scene, images).stitch(images)[0] - images[0]
+        parts.append(np.abs(change.reshape(-1, 3)[result.pixel]).max() / (bright - 1))
+    assert parts[1] < parts[0] / 5
+
+
+def test_parts_of_the_light_add_up_after_stitching():
+    # Noise of two lamps apart, stitched as their sum asks. Exact answer: the sum stitched.
+    scene = two_squares()
+    result, first = baked(scene, rough)
+    second = baked(scene, lambda p: 2 - rough(p[::-1]))[1]
+    both = [one + other for one, other in zip(first, second, strict=True)]
+    made = seams(result, scene, both)
+    apart = made.stitch(first)[0] + made.stitch(second)[0]
+    assert apart == pytest.approx(made.stitch(both)[0], abs=1e-3)
 
 
 def test_only_texels_at_the_seam_change():
     # All texels further than two texels from both sides of the seam keep their bits.
     scene = two_squares()
     result, images = baked(scene, rough)
-    changed = np.argwhere((seams(result, scene).stitch(images)[0] != images[0]).any(axis=2))[:, ::-1] + .5
+    changed = np.argwhere((seams(result, scene, images).stitch(images)[0] != images[0]).any(axis=2))[:, ::-1] + .5
     near_left = np.abs(changed[:, 0] - .45 * SIDE) < 2
     near_right = np.abs(changed[:, 1] - .52 * SIDE) < 2
     assert len(changed) > 20
@@ -86,7 +127,7 @@ def test_light_that_is_continuous_stays():
     # by less than 2 % and the seam still gets better.
     scene = two_squares()
     result, images = baked(scene, lambda p: np.repeat(1 + p[:, :1] + p[:, 1:2], 3, axis=1))
-    stitched = seams(result, scene).stitch(images)
+    stitched = seams(result, scene, images).stitch(images)
     covered = np.zeros(SIDE * SIDE, bool)
     covered[result.pixel] = True
     change = (stitched[0] / np.maximum(images[0], 1e-9) - 1).reshape(-1, 3)[covered]
@@ -100,7 +141,7 @@ def test_a_crease_keeps_both_its_lights():
     folded[4:, 0], folded[4:, 2] = 1, 1
     scene = two_squares(folded)
     result, images = baked(scene, rough)
-    assert np.array_equal(seams(result, scene).stitch(images)[0], images[0])
+    assert np.array_equal(seams(result, scene, images).stitch(images)[0], images[0])
 
 
 @pytest.mark.parametrize(("tilt", "joined"), [(0, True), (.1, False)])
@@ -112,14 +153,14 @@ def test_objects_are_joined_only_where_they_are_flush(tilt, joined):
     scene = two_squares(vertices, triangles, (Surface("left", 0, 2, lightmap_uv=UV[:2]),
                                               Surface("right", 2, 2, lightmap_uv=UV[2:])))
     result, images = baked(scene, rough)
-    assert (seams(result, scene).stitch(images)[0] != images[0]).any() == joined
+    assert (seams(result, scene, images).stitch(images)[0] != images[0]).any() == joined
 
 
 def test_a_chart_without_seams_is_returned_as_it_was():
     # One square alone: the same pixels, in a copy.
     scene = Scene(VERTICES[:4], TRIANGLES[:2], surfaces=(Surface("one", 0, 2, lightmap_uv=UV[:2]),))
     result, images = baked(scene, rough)
-    stitched = seams(result, scene).stitch(images)
+    stitched = seams(result, scene, images).stitch(images)
     assert np.array_equal(stitched[0], images[0])
     assert stitched[0] is not images[0]
 
@@ -132,7 +173,7 @@ def test_objects_that_touch_without_common_corners_are_joined():
     scene = two_squares(vertices, triangles, (Surface("left", 0, 2, lightmap_uv=UV[:2]),
                                               Surface("right", 2, 2, lightmap_uv=UV[2:])))
     result, images = baked(scene, rough)
-    stitched = seams(result, scene).stitch(images)
+    stitched = seams(result, scene, images).stitch(images)
     # y = 0 ... 1 is the middle half of the right square's edge.
     low, high = (RIGHT[0] * 3 + RIGHT[3]) / 4, (RIGHT[0] + RIGHT[3] * 3) / 4
 
@@ -151,7 +192,7 @@ def test_a_wall_on_a_floor_is_no_seam():
     scene = two_squares(vertices, triangles, (Surface("left", 0, 2, lightmap_uv=UV[:2]),
                                               Surface("right", 2, 2, lightmap_uv=UV[2:])))
     result, images = baked(scene, rough)
-    assert np.array_equal(seams(result, scene).stitch(images)[0], images[0])
+    assert np.array_equal(seams(result, scene, images).stitch(images)[0], images[0])
 
 
 def test_without_a_margin_seams_are_stitched_and_empty_texels_stay_black():
@@ -159,8 +200,8 @@ def test_without_a_margin_seams_are_stitched_and_empty_texels_stay_black():
     scene = two_squares()
     result = lumels(scene, SETTINGS, [])
     values = rough(result.receivers.position).astype(np.float32)
-    without, = finished(result, seams(result, scene), values, replace(SETTINGS, margin=0))
-    within, = finished(result, seams(result, scene), values, replace(SETTINGS, margin=1))
+    without, = finished(result, stiff_for(result, scene, values), values, replace(SETTINGS, margin=0))
+    within, = finished(result, stiff_for(result, scene, values), values, replace(SETTINGS, margin=1))
     covered = np.zeros(SIDE * SIDE, bool)
     covered[result.pixel] = True
     assert np.array_equal(without.reshape(-1, 3)[covered], within.reshape(-1, 3)[covered])
@@ -174,5 +215,5 @@ def test_what_holds_the_surfaces_colour_is_not_stitched():
     result = lumels(scene, SETTINGS, [])
     values = rough(result.receivers.position).astype(np.float32)
     settings = replace(SETTINGS, quantity="radiosity")
-    assert np.array_equal(finished(result, seams(result, scene), values, settings)[0],
+    assert np.array_equal(finished(result, stiff_for(result, scene, values), values, settings)[0],
                           to_images(result, values, settings)[0])

@@ -28,7 +28,7 @@ from radiosity.solver.form_factor import element_form_factor, form_factor
 from radiosity.solver.linear import solve_linear
 from radiosity.solver.polygon import polygon_form_factor
 from radiosity.tests.solver.stability import CASES, FOLDER
-from radiosity.tests.solver.test_form_factor import graded
+from radiosity.tests.solver.test_form_factor_stability import graded
 
 UP = np.array([0.0, 0.0, 1.0])
 # Logarithms of the double contour: 10 x 10 nodes for each of 16 pairs of edges.

@@ -22,6 +22,19 @@ def test_stretch_is_the_ratio_of_a_maps_singular_values(factors, turn):
     assert density == pytest.approx(np.sqrt(factors[0] * factors[1]), rel=1e-6)
 
 
+def test_a_triangle_without_area_is_stretched_without_bound_and_a_good_one_beside_it_is_measured():
+    # One tilted triangle, in the layout as it is, as a line, a line across, a point; in space a line, a point.
+    # Exact answer: 1 for the first, infinity and no density for all others, and no warning of NumPy's.
+    flat = SQUARE[0, :, :2]
+    uv = np.array([flat, flat * (1, 0), flat @ [[1, 2], [1, 2]], flat * 0, flat, flat])
+    tilted = SQUARE[0] @ np.linalg.qr([[1, 2, 3], [2, -1, 1], [1, 1, -2]])[0]
+    positions = np.array([tilted] * 4 + [tilted * (0, 1, 0), tilted * 0])
+    ratio, density = stretch(positions, uv)
+    assert [ratio[0], density[0]] == pytest.approx([1, 1])
+    assert np.isinf(ratio[1:]).all()
+    assert not density[1:].any()
+
+
 def _floors(scales):
     """Unit squares side by side, each with its own scaling in the layout."""
     positions = np.concatenate([SQUARE + np.array([2 * k, 0, 0]) for k in range(len(scales))])
