@@ -28,6 +28,8 @@ BESIDE, ACROSS = np.float32(0.5), np.float32(0.25)
 _KERNEL = np.array([ACROSS, BESIDE, ACROSS, BESIDE, BESIDE, ACROSS, BESIDE, ACROSS], np.float32)
 # Neighbours that differ by this many standard deviations more than noise explains hardly count.
 DEVIATIONS = 1.4
+# The same of rare light, which is judged by the receivers beside as well.
+RARE_DEVIATIONS = 1.0
 # Where the excess is this many times that, they don't count at all: no light seeps into the dark.
 FARTHEST = 8.0
 # Receivers that face apart by more than this cosine do not share light.
@@ -40,8 +42,8 @@ def smooth(first: Float, second: Float, receivers: Receivers, neighbours: Neighb
     """Filter two independent looks at the same receivers, (n, 6 ...) each: emitted and reflected light, RGB, and more
     columns that are filtered with the weights that these give.
 
-    rare : of light that few rays bring. What the two looks agree on counts only if it is in the receivers beside, too:
-        among many receivers there are some to which both looks brought such a ray by chance.
+    rare : of light that few rays bring. What the two looks agree on counts less if it is not in the receivers
+        beside: among many receivers there are some to which both looks brought such a ray by chance.
     """
     rings = [neighbours.at(step) for step in STEPS]
     variance = _variance(first, second, rings)
@@ -49,7 +51,9 @@ def smooth(first: Float, second: Float, receivers: Receivers, neighbours: Neighb
         guides = [light_of(look) for look in (second, first)]
         if rare:
             guides = _with_neighbours(guides, receivers, rings[0], run)
-        jobs = [(part, first, second, guides, receivers, ring, variance) for part in shares(len(first), CHUNK)]
+        softness = np.float32((RARE_DEVIATIONS if rare else DEVIATIONS) ** 2)
+        jobs = [(part, first, second, guides, receivers, ring, variance, softness)
+                for part in shares(len(first), CHUNK)]
         done = run.map(_filter, jobs)
         first, second, variance = (np.concatenate([piece[axis] for piece in done]) for axis in range(3))
     return first, second
@@ -80,7 +84,8 @@ def light_of(look: Float) -> Float:
 
 
 def _with_neighbours(guides: list[Float], receivers: Receivers, beside: Int, run: Run) -> list[Float]:
-    """Means over receivers and those beside them of each of some (n, 3)."""
+    """Means over receivers and those beside them of each of some (n, 3). (Over those beside alone, no speckle is left,
+    but contact shadows are blurred half as much again.)"""
     def work(part: slice) -> list[Float]:
         weight, others = kernel_weights(receivers, beside, part), beside[part]
         total = 1 + weight.sum(axis=1, keepdims=True)
@@ -90,15 +95,16 @@ def _with_neighbours(guides: list[Float], receivers: Receivers, beside: Int, run
     return [np.concatenate([part[number] for part in parts]) for number in range(len(guides))]
 
 
-def _filter(job: tuple[slice, Float, Float, list[Float], Receivers, Int, Float]) -> tuple[Float, Float, Float]:
-    part, first, second, guides, receivers, around, variance = job
+def _filter(job: tuple[slice, Float, Float, list[Float], Receivers, Int, Float, np.float32]
+            ) -> tuple[Float, Float, Float]:
+    part, first, second, guides, receivers, around, variance, softness = job
     others, kernel = around[part], kernel_weights(receivers, around, part)
     noise = variance[part][:, None] + variance[others]
     out = []
     power = np.zeros(len(others), np.float32)
     for guide, source in zip(guides, (first, second), strict=True):
         apart = np.square(guide[others] - guide[part][:, None]).mean(axis=2)
-        excess = np.maximum(apart - noise, 0) / np.maximum(noise * np.float32(DEVIATIONS**2), np.float32(1e-30))
+        excess = np.maximum(apart - noise, 0) / np.maximum(noise * softness, np.float32(1e-30))
         weight = np.where(excess < FARTHEST, kernel * np.exp(-excess), np.float32(0))
         total = 1 + weight.sum(axis=1)
         around = np.einsum("nk,nkc->nc", weight, source[others])

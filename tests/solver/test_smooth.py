@@ -161,7 +161,7 @@ def test_rare_light_that_both_looks_see_at_one_texel_alone_is_shared():
     plain = sum(smooth(first, second, receivers, Neighbours(flat), Run(1)))[:, 3] / 2
     rare = sum(smooth(first, second, receivers, Neighbours(flat), Run(1), rare=True))[:, 3] / 2
     assert plain[middle] > 0.5
-    assert rare[middle] < 0.1
+    assert rare[middle] < 0.3
     assert rare.mean() == pytest.approx(sum(_rare(both=[middle]))[:, 3].mean() / 2, rel=0.2)
 
 
