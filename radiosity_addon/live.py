@@ -1,6 +1,6 @@
 """A bake that can be watched: a first look, drafts, and the result, each shown as soon as it is there.
 
-    first look   a few thousand places of the scene, while it is still read        first_look.py
+    first look   a few thousand places of the scene, as soon as its shapes are read      first_look.py
     unwrap       the layout that drafts and result share
     drafts       the whole way of the light, coarser: what "Good Enough" keeps
     result       as a bake in background makes it
@@ -27,6 +27,7 @@ from .first_look import first_look
 from .job import Job
 from .layouts import with_shared_layouts
 from .look import look_at
+from .parts import Parts, ended
 from .progress import STAGE_WEIGHTS, Progress
 from .request import Request
 from .warn import warn
@@ -86,10 +87,11 @@ class LiveJob(Job):
             self._looking.join()
         super().close()
 
-    def _look_first(self, exported: Exported) -> None:
-        """Start a first look at a coarse export, while the rest is still read."""
+    def _look_first(self, exported: Exported) -> Parts[None]:
+        """Take a first look at a coarse export; the rest is read afterwards, as both would share one interpreter."""
         self._looking = threading.Thread(target=self._look_at, args=(exported,), name="radiosity look", daemon=True)
         self._looking.start()
+        yield from ended(self._looking)
 
     def _look_at(self, exported: Exported) -> None:
         progress = self._as_stage(FIRST_LOOK)
