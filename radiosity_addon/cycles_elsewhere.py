@@ -45,7 +45,7 @@ class Elsewhere:
         self._log = folder / "log"
         with self._log.open("wb") as log:
             self._process = subprocess.Popen(
-                child_blender.command(job), stdin=subprocess.PIPE, stdout=log, stderr=subprocess.STDOUT,
+                child_blender.command(job), bufsize=0, stdin=subprocess.PIPE, stdout=log, stderr=subprocess.STDOUT,
                 env={**os.environ, "BLENDER_USER_RESOURCES": str(resources), **child_blender.temporary(folder)})
         self._asked = 0
 
@@ -64,7 +64,6 @@ class Elsewhere:
         assert self._process.stdin is not None
         try:
             self._process.stdin.write(f"{number}\n".encode())
-            self._process.stdin.flush()
         except OSError:
             self._process.wait()
         while not answer.is_there():

@@ -23,7 +23,7 @@ from .compat import version
 from .cycles_elsewhere import Elsewhere, can_go
 from .materials import PARTS, Shading
 from .mesh_part import BAKE_UV, MeshPart, make_mesh
-from .parts import Parts, aside
+from .parts import PAUSE, Parts, aside
 from .shader_views import show_part
 from .triangle_cells import MARGIN, Cells, place_cells
 
@@ -175,6 +175,7 @@ def _evaluate(one: Request, budget: int, frame: int, elsewhere: Elsewhere | None
                     do="bake", material=subject.material.name, name=name, frame=frame, part=plain(subject.part),
                     cells=plain(cells), subject=(subject.matrix, subject.colour, subject.index, subject.random))
             else:
+                yield PAUSE
                 pixels = bake(subject, name, cells, frame)
                 yield
             _remember(key, (yield from aside(partial(_simple, pixels, cells))))

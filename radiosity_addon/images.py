@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from ..solver.errors import SceneError
 from ..solver.scene import Texture
-from .parts import Parts, aside
+from .parts import PAUSE, Parts, aside
 from .sockets import ASSOCIATED
 from .warn import Warnings, warn
 
@@ -45,6 +45,7 @@ def texture_parts(image: Any, material: str, warnings: Warnings, highest: float 
         If the image's file is missing or can't be read.
     """
     _tell_kind(image, material, warnings)
+    yield PAUSE
     stored = _stored(image, material)
     yield
     decode = _decoder(image, material, warnings)
@@ -60,6 +61,7 @@ def mean_parts(image: Any, material: str, highest: float = math.inf) -> Parts[Fl
     SceneError
         If the image's file is missing or can't be read.
     """
+    yield PAUSE
     stored = _stored(image, material)
     yield
     step = -(-max(stored.shape[:2]) // GLANCE_SIDE)

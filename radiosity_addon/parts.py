@@ -1,6 +1,7 @@
 """Long work in Blender's thread, cut into parts: a generator that yields where a window may draw and answer.
 
-It yields a thread where it can't go on before that one has ended, else None.
+It yields a thread where it can't go on before that one has ended, PAUSE before a step that can't be cut and may be
+long, else None.
 """
 
 from __future__ import annotations
@@ -19,6 +20,16 @@ Parts = Generator[Any, None, Result]
 WINDOW_PART, ENDLESS = 0.03, math.inf
 
 
+class _Pause:
+    """Nothing to wait for, but a window may want its turn."""
+
+    def join(self) -> None:
+        """See above."""
+
+
+PAUSE = _Pause()
+
+
 def whole(parts: Parts[Result]) -> Result:
     """All parts at once; what they return."""
     while True:
@@ -32,7 +43,7 @@ def whole(parts: Parts[Result]) -> Result:
 
 
 def some(parts: Parts[Result], seconds: float = WINDOW_PART) -> None:
-    """As many parts as begin within so many seconds, one at least.
+    """As many parts as begin within so many seconds and before a pause, one at least.
 
     Raises
     ------
@@ -42,6 +53,8 @@ def some(parts: Parts[Result], seconds: float = WINDOW_PART) -> None:
     until = time.perf_counter() + seconds
     while True:
         waited_for = next(parts)
+        if waited_for is PAUSE:
+            return
         if waited_for is not None:
             waited_for.join(max(until - time.perf_counter(), 0.0))
         if time.perf_counter() >= until:

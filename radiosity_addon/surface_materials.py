@@ -74,6 +74,10 @@ class SurfaceMaterials:
         self._pending: list[tuple[_Place, Request, list[int]]] = []
         self._with_images: list[_Place] = []
 
+    def knows(self, material: Any) -> bool:
+        """Whether a material was read before, which takes its time."""
+        return (material.name_full if material is not None else "") in self._slots
+
     def slot(self, material: Any) -> Slot:
         """A material as a slot; None is an empty one."""
         name = material.name_full if material is not None else ""

@@ -18,7 +18,7 @@ from radiosity.radiosity_addon.cycles_elsewhere import Elsewhere, can_go
 from radiosity.radiosity_addon.export import Exported, export_parts, export_scene
 from radiosity.radiosity_addon.images import texture_parts
 from radiosity.radiosity_addon.job import Job
-from radiosity.radiosity_addon.parts import aside, some, whole
+from radiosity.radiosity_addon.parts import PAUSE, aside, some, whole
 from radiosity.radiosity_addon.request import Request
 from radiosity.radiosity_addon.world_render import COARSE, FINE, Map
 from radiosity.solver.errors import RadiosityError, SceneError
@@ -120,15 +120,16 @@ def test_a_glance_has_all_surfaces_and_a_coarse_sky_before_the_rest_is_read(scen
 
 
 def test_what_cycles_evaluates_in_another_blender_is_what_it_evaluates_here(scene):
-    # The noise and the gradient, asked of another Blender in a window's parts. Exact answer: all arrays of the scene that
-    # is read at once, to the bit.
+    # The noise and the gradient, asked of another Blender in a window's parts. Exact answer: all arrays of the scene
+    # that is read at once, to the bit, and the same messages.
     evaluate.forget()
-    at_once = export_scene(scene, bpy.context.view_layer, Settings(resolution=32), [])
+    expected: list[Any] = []
+    at_once = export_scene(scene, bpy.context.view_layer, Settings(resolution=32), expected)
     evaluate.forget()
     messages: list[Any] = []
     asked = whole(export_parts(scene, bpy.context.view_layer, Settings(resolution=32), messages, part_seconds=SHORT))
     assert arrays(asked.scene) == arrays(at_once.scene)
-    assert messages == []
+    assert messages == expected
 
 
 def test_another_blender_that_fails_is_told_of_and_leaves_nothing(scene):
@@ -137,7 +138,7 @@ def test_another_blender_that_fails_is_told_of_and_leaves_nothing(scene):
     folder = Path(elsewhere._folder.name)
     try:
         elsewhere._process.kill()
-        with pytest.raises(RadiosityError, match="another Blender .* failed .*exit code"):
+        with pytest.raises(RadiosityError, match=r"another Blender, .* failed \(exit code"):
             whole(elsewhere.ask(do="map", world=scene.world.name, size=(8, 4, 1)))
     finally:
         elsewhere.close()
@@ -214,6 +215,21 @@ def test_some_goes_on_for_as_long_as_is_asked():
     with pytest.raises(StopIteration) as end:
         some(five(), 1.0)
     assert end.value.value == "result"
+
+
+def test_a_pause_gives_the_window_its_turn():
+    # A pause between two steps, with a second to go. Exact answer: one step before it; both where nobody waits.
+    def two() -> Any:
+        done.append(1)
+        yield PAUSE
+        done.append(2)
+        yield
+
+    done: list[int] = []
+    some(two(), 1.0)
+    assert done == [1]
+    whole(two())
+    assert done == [1, 1, 2]
 
 
 def test_files_are_put_in_their_places_at_the_end_alone(scene, tmp_path):
