@@ -91,37 +91,49 @@ def export_parts(scene: Any, view_layer: Any, settings: Settings, warnings: Warn
         sky, suns = yield from world_parts(scene.world, [], COARSE)
         yield from glance((yield from aside(partial(_lit, found, (*found.lamps, *suns), sky, settings, []))))
     yield from assembly.materials.read_images()
-    elsewhere = _cycles_elsewhere(scene, assembly.materials) if part_seconds < ENDLESS else None
+    frame = scene.frame_current
+    elsewhere = _cycles_elsewhere(scene.world, assembly.materials, frame) if part_seconds < ENDLESS else None
     try:
         there = elsewhere if elsewhere is not None and scene.world is not None and can_go(scene.world) else None
         sky, suns = yield from world_parts(scene.world, warnings, FINE, part_seconds, there)
-        yield from assembly.materials.evaluate(scene.frame_current, elsewhere)
+        yield from assembly.materials.evaluate(frame, elsewhere)
     finally:
         if elsewhere is not None:
             elsewhere.close()
     return (yield from aside(partial(_lit, found, (*found.lamps, *suns), sky, settings, warnings)))
 
 
-def _cycles_elsewhere(scene: Any, materials: SurfaceMaterials) -> Elsewhere | None:
+def _cycles_elsewhere(world: Any, materials: SurfaceMaterials, frame: int) -> Elsewhere | None:
     """Another Blender for what Cycles has to look at; None if there is nothing of it that can go there."""
-    world = [scene.world] if needs_render(scene.world) else []
-    blocks = [block for block in (*world, *materials.materials_to_ask(scene.frame_current)) if can_go(block)]
+    worlds = [world] if needs_render(world) else []
+    blocks = [block for block in (*worlds, *materials.materials_to_ask(frame)) if can_go(block)]
     return Elsewhere(blocks) if blocks else None
 
 
 def export_surfaces(scene: Any, view_layer: Any, settings: Settings) -> Scene:
-    """What `export_scene` gives, without lights and without warnings: shapes and what they reflect.
+    """`surface_scene_parts` at once."""
+    return whole(surface_scene_parts(scene, view_layer, settings))
+
+
+def surface_scene_parts(scene: Any, view_layer: Any, settings: Settings,
+                        part_seconds: float = ENDLESS) -> Parts[Scene]:
+    """What `export_parts` gives, without lights and without warnings: shapes and what they reflect.
 
     Raises
     ------
     SceneError, SettingsError, NothingToBake
         As `export_scene`.
     """
-    assembly = whole(surface_parts(scene, view_layer, settings, {}, [], convert=True)).assembly
-    assembly.settle()
-    whole(assembly.materials.read_images())
-    whole(assembly.materials.evaluate(scene.frame_current))
-    return assembly.scene((), Sky())
+    assembly = (yield from surface_parts(scene, view_layer, settings, {}, [], True, part_seconds)).assembly
+    yield from aside(assembly.settle)
+    yield from assembly.materials.read_images()
+    elsewhere = _cycles_elsewhere(None, assembly.materials, scene.frame_current) if part_seconds < ENDLESS else None
+    try:
+        yield from assembly.materials.evaluate(scene.frame_current, elsewhere)
+    finally:
+        if elsewhere is not None:
+            elsewhere.close()
+    return (yield from aside(lambda: assembly.scene((), Sky())))
 
 
 def _lit(found: Surfaces, lights: tuple[Light, ...], sky: Sky, settings: Settings,
