@@ -32,8 +32,7 @@ COARSER = 1.3
 INWARD = 0.3
 
 
-def first_look(scene: Scene, settings: Settings, progress: Callable[[str, float], None],
-               cancelled: Callable[[], bool]) -> Look:
+def first_look(scene: Scene, settings: Settings, cancelled: Callable[[], bool]) -> Look:
     """A coarse look at the whole scene.
 
     Raises
@@ -48,7 +47,7 @@ def first_look(scene: Scene, settings: Settings, progress: Callable[[str, float]
     grids = [_Grid(scene, shown)]
     if len(hidden):
         grids.append(_Grid(scene, hidden))
-    run = Run(settings.thread_count, progress, cancelled, stage="first look")
+    run = Run(settings.thread_count, None, cancelled, stage="first look")
     light = coarse_light(scene, settings, _joined(scene, grids), run) / np.pi
     grid = grids[0]
     reflectance, glow = mean_colours(scene)

@@ -37,8 +37,8 @@ FIRST_LOOK, DRAFT = "first look", "draft"
 # so many times better: else it would take a good part of the result's own time.
 DRAFTS = ((0.3, 0.5), (0.06, 1.0))
 WORTH = 3.0
-# Part of a bake's time that looks take, as `progress.STAGE_WEIGHTS`.
-LOOK_WEIGHTS = {FIRST_LOOK: 4.0, DRAFT: 15.0}
+# Part of a bake's time that drafts take, as `progress.STAGE_WEIGHTS`.
+DRAFT_WEIGHT = 15.0
 
 
 @dataclass(frozen=True)
@@ -55,9 +55,8 @@ class LiveJob(Job):
 
     def __init__(self, request: Request, scene: Any, view_layer: Any) -> None:
         super().__init__(request, scene, view_layer)
-        head = {name: STAGE_WEIGHTS[name] for name in ("export",)}
-        self.progress.weights = {**head, FIRST_LOOK: LOOK_WEIGHTS[FIRST_LOOK], "unwrap": STAGE_WEIGHTS["unwrap"],
-                                 DRAFT: LOOK_WEIGHTS[DRAFT], **STAGE_WEIGHTS}
+        head = {name: STAGE_WEIGHTS[name] for name in ("export", "unwrap")}
+        self.progress.weights = {**head, DRAFT: DRAFT_WEIGHT, **STAGE_WEIGHTS}
         self._enough = threading.Event()
         self._kept: Bake | None = None
         self._glance = self._look_first
@@ -94,16 +93,9 @@ class LiveJob(Job):
         yield from ended(self._looking)
 
     def _look_at(self, exported: Exported) -> None:
-        progress = self._as_stage(FIRST_LOOK)
-
-        def tell(stage: str, fraction: float) -> None:
-            # Until then what is read is told of.
-            if self._thread is not None:
-                progress(stage, fraction)
-
         try:
             with self._timed(FIRST_LOOK):
-                self.look = first_look(exported.scene, exported.settings, tell, self._cancel.is_set)
+                self.look = first_look(exported.scene, exported.settings, self._cancel.is_set)
         except RadiosityError:
             # What is wrong with the scene itself the bake tells; what Cycles has not evaluated yet may be wrong here.
             pass

@@ -33,7 +33,7 @@ def box(triangles: list[list[int]] = BOX, **more: object) -> Scene:
 
 
 def look_at(scene: Scene, settings: Settings | None = None):
-    return first_look(scene, settings or Settings(), lambda *_: None, lambda: False)
+    return first_look(scene, settings or Settings(), lambda: False)
 
 
 @pytest.mark.parametrize(("passes", "exact"), [("both", 5.0), ("direct", 1.0), ("indirect", 4.0)])

@@ -32,7 +32,7 @@ TRIES = 3
 SHOWN = 3.0
 GAPS: dict[str, float] = {}
 OWN: dict[str, float] = {}
-# Seconds of threads that have ended, by kind, and of the window's thread in our code.
+# Seconds of threads that have ended, by kind, and of the window's thread in our code; times that a viewport was drawn.
 SPENT: dict[str, float] = {}
 
 
@@ -67,8 +67,17 @@ def time_own_calls() -> None:
 
     bake._tick = timed(bake._tick, "")
     overlay.detach()
-    overlay._draw = timed(overlay._draw, "draw")
+    overlay._draw = counted(timed(overlay._draw, "draw"))
     overlay.attach()
+
+
+def counted(call: Callable[..., Any]) -> Callable[..., Any]:
+    """Note how often a 3D viewport is drawn."""
+    def with_count(*arguments: Any) -> Any:
+        SPENT["drawn"] = SPENT.get("drawn", 0.0) + 1
+        return call(*arguments)
+
+    return with_count
 
 
 def time_threads() -> None:
@@ -139,6 +148,9 @@ def cancelled(before: Any) -> Iterator[float]:
         yield from watch(lambda: title().startswith("error"))
         yield SHOWN
         yield from drive.shot("live-2-draft")
+        yield from watch(lambda: title() == "error 0.06")
+        yield SHOWN
+        yield from drive.shot("live-3-finer")
     window, _, _ = drive.sidebar()
     pressed = time.monotonic()
     window.event_simulate("ESC", "PRESS")
@@ -154,7 +166,7 @@ def kept(before: Any) -> Iterator[float]:
     yield from watch(lambda: title().startswith("error"))
     yield from drive.press_button("radiosity.good_enough")
     yield from watch(lambda: current() is None)
-    yield from drive.shot("live-3-kept")
+    yield from drive.shot("live-4-kept")
     report = json.loads((Path(bpy.data.filepath).parent / "lightmaps" / "report.json").read_text(encoding="utf-8"))
     drive.SEEN["report"] = {name: report.get(name) for name in ("error", "good_enough", "outputs", "stages")}
     drive.SEEN["after_keep"] = differences(before)

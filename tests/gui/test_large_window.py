@@ -47,7 +47,7 @@ def seen(linux_zip: Path, tmp_path_factory: pytest.TempPathFactory, real_blender
 
 def test_the_window_is_never_kept_for_long(seen: dict[str, Any]) -> None:
     # Every call of ours in the window's thread, reading included, in seconds of that thread.
-    assert {"export", "first look", "draw"} <= set(seen["own"])
+    assert {"export", "draft", "draw"} <= set(seen["own"])
     late = {what: seconds for what, seconds in seen["own"].items()
             if seconds > (LONGEST_DRAW if what == "draw" else LONGEST_CALL)}
     assert late == {}
@@ -56,7 +56,7 @@ def test_the_window_is_never_kept_for_long(seen: dict[str, Any]) -> None:
 def test_the_whole_scene_is_shown_within_two_seconds_of_work(seen: dict[str, Any]) -> None:
     # From the button to the first look, all threads of Python's one after another: what a machine with one idle core
     # would need. Drawing, which is software here, is not in it.
-    assert sum(seen["spent_to_look"].values()) < LOOK
+    assert sum(seconds for what, seconds in seen["spent_to_look"].items() if what != "drawn") < LOOK
 
 
 def test_esc_ends_a_large_bake_within_a_second(seen: dict[str, Any]) -> None:
