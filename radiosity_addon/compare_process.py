@@ -15,8 +15,8 @@ from ..solver.errors import Cancelled, RadiosityError
 from . import child_blender
 from .compare_child import STATUS
 
-# Seconds between two looks, and how long a Blender that was asked to end may take.
-TICK, GRACE = 0.1, 2.0
+# Seconds between two looks.
+TICK = 0.1
 
 Told = Callable[[str, float], None]
 
@@ -79,13 +79,9 @@ def _read(status: Path) -> dict[str, Any]:
 
 
 def _end(process: subprocess.Popen[bytes]) -> None:
-    """End it if it still runs."""
+    """End it if it still runs: at once, as all that it writes goes with its folder."""
     if process.stdin is not None:
         process.stdin.close()
     if process.poll() is None:
-        process.terminate()
-    try:
-        process.wait(GRACE)
-    except subprocess.TimeoutExpired:
         process.kill()
         process.wait()
