@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -25,7 +26,7 @@ Int = NDArray[np.int32]
 
 
 class Assembly:
-    """Collects meshes, their materials and textures; `scene()` gives the whole."""
+    """Collects meshes, their materials and textures; `settle()` and then `scene()` give the whole."""
 
     def __init__(self, settings: Settings, linking: Linking, warnings: Warnings) -> None:
         self.settings = settings
@@ -35,6 +36,7 @@ class Assembly:
         self._parts: dict[str, list[NDArray[Any]]] = {name: [] for name in (
             "vertices", "triangles", "normals", "casts_shadow", "seen")}
         self._meshes: dict[int, MeshArrays] = {}
+        self._unsettled: list[Callable[[], None]] = []
         self.materials = SurfaceMaterials(warnings)
         self._columns: list[Columns] = []
         self._vertex_count = 0
@@ -55,16 +57,13 @@ class Assembly:
         slot = np.clip(mesh.material_index, 0, len(slots) - 1)
         keep = self._kept(item, mesh, slot, slots)
         mesh, slot = mesh.take(keep), slot[keep]
-        positions = mesh.positions @ item.matrix[:3, :3].T + item.matrix[:3, 3]
         # A mirror turns the winding over, but the front stays where Blender's normal points.
         order = [0, 2, 1] if np.linalg.det(item.matrix[:3, :3]) < 0 else [0, 1, 2]
         triangles = mesh.triangles[:, order]
-        normals = _world_normals(mesh, item.matrix, positions, triangles, order)
+        self._unsettled.append(partial(self._place, mesh, item.matrix, order))
         self._smooth |= mesh.corner_normals is not None
         count = len(triangles)
-        self._put("vertices", positions)
         self._put("triangles", triangles + self._vertex_count)
-        self._put("normals", normals)
         self._put("casts_shadow", np.full(count, item.original.visible_shadow))
         self._put("seen", np.full(count, item.original.visible_diffuse))
         self._columns.append(self.materials.columns(item, mesh, slot, slots, order))
@@ -75,9 +74,20 @@ class Assembly:
                           density_of(item.original), corner_ids=np.ascontiguousarray(mesh.corner_ids[:, order]),
                           links=self.linking.of(item.original))
         self.surfaces.append(surface)
-        self._vertex_count += len(positions)
+        self._vertex_count += len(mesh.positions)
         self._triangle_count += count
         return surface
+
+    def settle(self) -> None:
+        """Put all that was added where it stands in the world; needs no bpy, and comes before `scene`."""
+        for place in self._unsettled:
+            place()
+        self._unsettled.clear()
+
+    def _place(self, mesh: MeshArrays, matrix: NDArray[np.float64], order: list[int]) -> None:
+        positions = mesh.positions @ matrix[:3, :3].T + matrix[:3, 3]
+        self._put("vertices", positions)
+        self._put("normals", _world_normals(mesh, matrix, positions, mesh.triangles[:, order], order))
 
     def forget_meshes(self) -> None:
         """Another dependency graph has other meshes, some of them where these were."""

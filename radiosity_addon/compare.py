@@ -30,6 +30,7 @@ from .compare_process import run_job
 from .compare_request import CompareRequest
 from .compare_twin import Stage, write_geometry, write_stage
 from .job import ERROR_NOT_REACHED, Job
+from .parts import PAUSE, WINDOW_PART, Parts
 from .progress import STAGE_WEIGHTS
 from .report import reached
 from .warn import warn
@@ -63,21 +64,23 @@ class Comparison(Job):
         self._stage: Stage | None = None
         self._compared: Compared | None = None
 
-    def export(self) -> None:
-        """Read the scene for both programs. Raises RadiosityError."""
-        super().export()
+    def exporting(self, part_seconds: float = WINDOW_PART) -> Parts[None]:
+        """Read the scene for both programs, in parts. Raises RadiosityError."""
+        yield from super().exporting(part_seconds)
+        yield PAUSE
         scene, layer = self._place()
         self._stage = cycles.with_render_depsgraph(
             scene, layer, lambda depsgraph: write_stage(scene, depsgraph, Path(self._folder.name)))
         self._blend, self._blender = bpy.data.filepath or scene.name, compat.version()
 
-    def finish(self) -> Compared:  # type: ignore[override]
+    def finishing(self) -> Parts[Compared]:  # type: ignore[override]
         """What came of it. Raises what the worker raised, or RadiosityError."""
         self.wait(threading.TIMEOUT_MAX)
         if self._failure is not None:
             raise self._failure
         assert self._compared is not None
         Comparison.last = self._compared
+        yield
         return self._compared
 
     def close(self) -> None:

@@ -9,7 +9,8 @@ from __future__ import annotations
 import hashlib
 from collections import OrderedDict
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
+from functools import partial
 from typing import Any
 
 import bpy
@@ -19,9 +20,10 @@ from numpy.typing import NDArray
 from ..solver.errors import RadiosityError
 from . import cycles, node_hash
 from .compat import version
+from .cycles_elsewhere import Elsewhere, can_go
 from .materials import PARTS, Shading
 from .mesh_part import BAKE_UV, MeshPart, make_mesh
-from .parts import Parts
+from .parts import PAUSE, Parts, aside
 from .shader_views import show_part
 from .triangle_cells import MARGIN, Cells, place_cells
 
@@ -48,28 +50,40 @@ _cache: OrderedDict[str, Float] = OrderedDict()
 
 
 @dataclass(frozen=True, eq=False)
-class Request:
-    """A material on a mesh.
+class Subject:
+    """A material on a mesh, as Cycles needs it.
 
     Attributes
     ----------
     material : the original bpy material.
-    object_name : of the first object that shows it, for messages.
     part : the triangles.
-    shading : what was read of the material.
-    digest : of everything that the result depends on.
     matrix : (4, 4) of the object; colour, index and random number of it, as its Object Info says.
     """
 
     material: Any
-    object_name: str
     part: MeshPart
-    shading: Shading
-    digest: str
     matrix: Float
     colour: tuple[float, ...]
     index: int
     random: float
+
+
+@dataclass(frozen=True, eq=False)
+class Request:
+    """A material on a mesh that is to be evaluated.
+
+    Attributes
+    ----------
+    subject : both.
+    object_name : of the first object that shows it, for messages.
+    shading : what was read of the material.
+    digest : of everything that the result depends on.
+    """
+
+    subject: Subject
+    object_name: str
+    shading: Shading
+    digest: str
 
     def parts(self) -> list[str]:
         """The parts to evaluate: those that were guessed, and those with an image, as all share one layout."""
@@ -107,49 +121,83 @@ def request(item: Any, material: Any, part: MeshPart, shading: Shading) -> Reque
         own = (item.matrix.tobytes(), tuple(item.original.color), item.original.pass_index, item.random)
         digest.update(repr(own).encode())
     digest.update(repr((material.pass_index, version(), shading.guessed_parts)).encode())
-    return Request(material.original, item.name, part, shading, digest.hexdigest(), item.matrix,
-                   tuple(item.original.color), item.original.pass_index, item.random)
+    subject = Subject(material.original, part, item.matrix, tuple(item.original.color), item.original.pass_index,
+                      item.random)
+    return Request(subject, item.name, shading, digest.hexdigest())
 
 
-def evaluate(requests: Sequence[Request], frame: int) -> Parts[list[Evaluated]]:
+def materials_to_ask(requests: Sequence[Request], frame: int) -> list[Any]:
+    """The materials that Cycles has to look at: what was evaluated before is in memory."""
+    budget = _budget(requests)
+    return list({one.subject.material.name_full: one.subject.material for one in requests
+                 if any(_key(one, name, budget, frame) not in _cache for name in one.parts())}.values())
+
+
+def evaluate(requests: Sequence[Request], frame: int, elsewhere: Elsewhere | None = None) -> Parts[list[Evaluated]]:
     """Results of all requests, each a part; those that were made before come from memory.
+
+    Parameters
+    ----------
+    frame : number of the frame, for what is animated.
+    elsewhere : another Blender that knows all materials which can go there; None: Cycles works in this one.
 
     Raises
     ------
     RadiosityError
         If Cycles is not there or fails.
     """
-    budget = max(LEAST_TEXELS, min(MOST_TEXELS, ALL_TEXELS // max(len(requests), 1)))
+    budget = _budget(requests)
     found = []
     for one in requests:
-        found.append((yield from _evaluate(one, budget, frame)))
+        found.append((yield from _evaluate(one, budget, frame, elsewhere)))
     return found
 
 
-def _evaluate(one: Request, budget: int, frame: int) -> Parts[Evaluated]:
-    cells = place_cells(_wanted_steps(one), budget)
+def _budget(requests: Sequence[Request]) -> int:
+    """Texels of each."""
+    return max(LEAST_TEXELS, min(MOST_TEXELS, ALL_TEXELS // max(len(requests), 1)))
+
+
+def _key(one: Request, name: str, budget: int, frame: int) -> str:
+    return f"{one.digest} {name} {budget} {frame}"
+
+
+def _evaluate(one: Request, budget: int, frame: int, elsewhere: Elsewhere | None) -> Parts[Evaluated]:
+    subject = one.subject
+    sides = [image.size[:] for image in node_hash.images(subject.material.node_tree) if image.size[0]]
+    cells = yield from aside(partial(_cells, one, sides, budget))
     parts = {}
     for name in one.parts():
-        key = f"{one.digest} {name} {budget} {frame}"
+        key = _key(one, name, budget, frame)
         if key not in _cache:
-            pixels = _bake(one, name, cells, frame)
-            yield
-            _remember(key, _simple(pixels, cells))
-            yield
+            if elsewhere is not None and can_go(subject.material):
+                pixels = yield from elsewhere.ask(
+                    do="bake", material=subject.material.name, name=name, frame=frame, part=plain(subject.part),
+                    cells=plain(cells), subject=(subject.matrix, subject.colour, subject.index, subject.random))
+            else:
+                yield PAUSE
+                pixels = bake(subject, name, cells, frame)
+                yield
+            _remember(key, (yield from aside(partial(_simple, pixels, cells))))
         _cache.move_to_end(key)
         parts[name] = _cache[key]
     return Evaluated(parts, cells)
 
 
-def _wanted_steps(one: Request) -> Float:
+def _cells(one: Request, sides: Sequence[Sequence[int]], budget: int) -> Cells:
+    """Where each triangle lies; `sides` are those of the images that the material shows."""
+    return place_cells(_wanted_steps(one, sides), budget)
+
+
+def _wanted_steps(one: Request, sides: Sequence[Sequence[int]]) -> Float:
     """(t,) texels along each triangle's longest leg: by its size in space, or by the pixels that lie on it."""
-    corners = one.part.positions[one.part.triangles] @ np.asarray(one.matrix, np.float32)[:3, :3].T
+    part = one.subject.part
+    corners = part.positions[part.triangles] @ np.asarray(one.subject.matrix, np.float32)[:3, :3].T
     steps = _longest(corners) / TEXEL
-    shown = [image for image in node_hash.images(one.material.node_tree) if image.size[0]]
-    layouts = [values for _, kind, domain, values in one.part.attributes if kind == "FLOAT2" and domain == "CORNER"]
-    for uv in layouts if shown else ():
-        sides = np.max([image.size[:] for image in shown], axis=0)
-        steps = np.maximum(steps, np.nan_to_num(_longest(uv * sides.astype(np.float32)), posinf=0))
+    layouts = [values for _, kind, domain, values in part.attributes if kind == "FLOAT2" and domain == "CORNER"]
+    for uv in layouts if sides else ():
+        largest = np.max(sides, axis=0).astype(np.float32)
+        steps = np.maximum(steps, np.nan_to_num(_longest(uv * largest), posinf=0))
     return np.asarray(steps)
 
 
@@ -158,8 +206,19 @@ def _longest(corners: Float) -> Float:
     return np.asarray(np.linalg.norm(np.roll(corners, -1, axis=1) - corners, axis=2).max(axis=1))
 
 
-def _bake(one: Request, name: str, cells: Cells, frame: int) -> Float:
-    """What Cycles makes of a part of a material, as `cycles.bake_emission`."""
+def plain(data: Any) -> tuple[Any, ...]:
+    """The fields of a dataclass."""
+    return tuple(getattr(data, field.name) for field in fields(data))
+
+
+def bake(one: Subject, name: str, cells: Cells, frame: int) -> Float:
+    """What Cycles makes of a part of a material, as `cycles.bake_emission`.
+
+    Raises
+    ------
+    RadiosityError
+        If Cycles is not there or fails.
+    """
     meshes = make_mesh(one.part, cells.uv(MARGIN))
     groups: list[Any] = []
     copy = one.material.copy()

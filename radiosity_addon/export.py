@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -19,14 +20,16 @@ from ..solver.lights import Light
 from ..solver.scene import Scene, Sky
 from ..solver.settings import Settings
 from .binding import Binding
+from .cycles_elsewhere import Elsewhere, can_go
 from .giants import with_fair_shares
 from .lamp_nodes import emission_parts
 from .lights import lamp_data
-from .parts import ENDLESS, Parts, whole
+from .parts import ENDLESS, Parts, aside, whole
+from .surface_materials import SurfaceMaterials
 from .surfaces import Surfaces, surface_parts
 from .units import per_blender_unit
 from .warn import Warnings
-from .world import world_parts
+from .world import needs_render, world_parts
 from .world_render import COARSE
 
 
@@ -68,48 +71,75 @@ def export_scene(scene: Any, view_layer: Any, settings: Settings, warnings: Warn
 
 
 def export_parts(scene: Any, view_layer: Any, settings: Settings, warnings: Warnings, convert: bool = False,
-                 part_seconds: float = ENDLESS, glance: Callable[[Exported], None] | None = None) -> Parts[Exported]:
+                 part_seconds: float = ENDLESS,
+                 glance: Callable[[Exported], Parts[None]] | None = None) -> Parts[Exported]:
     """`export_scene` in parts: a window can draw and answer between them, and nobody may change the scene.
 
     Parameters
     ----------
     part_seconds : how long a part may take, about, where it can be cut.
-    glance : given the scene as soon as there is one, with a coarse sky, and materials that Cycles has not seen yet.
+    glance : given the scene as soon as there is one, with a coarse sky, images by their mean, and materials that Cycles
+        has not seen yet; the rest is read when its parts have ended.
     """
     settings = per_blender_unit(settings, scene, warnings)
     emissions = yield from emission_parts(lamp_data(scene), warnings)
     found = yield from surface_parts(scene, view_layer, settings, emissions, warnings, convert, part_seconds)
     assembly = found.assembly
-    yield from assembly.materials.read_images()
+    yield from aside(assembly.settle)
     if glance is not None:
+        yield from assembly.materials.glance_at_images()
         sky, suns = yield from world_parts(scene.world, [], COARSE)
-        glance((yield from _lit(found, (*found.lamps, *suns), sky, settings, [])))
-        yield
-    sky, suns = yield from world_parts(scene.world, warnings, part_seconds=part_seconds)
-    yield from assembly.materials.evaluate(scene.frame_current)
-    yield
-    return (yield from _lit(found, (*found.lamps, *suns), sky, settings, warnings))
+        yield from glance((yield from aside(partial(_lit, found, (*found.lamps, *suns), sky, settings, []))))
+    yield from assembly.materials.read_images()
+    frame = scene.frame_current
+    elsewhere = _cycles_elsewhere(scene.world, assembly.materials, frame) if part_seconds < ENDLESS else None
+    try:
+        there = elsewhere if elsewhere is not None and scene.world is not None and can_go(scene.world) else None
+        sky, suns = yield from world_parts(scene.world, warnings, None, part_seconds, there)
+        yield from assembly.materials.evaluate(frame, elsewhere)
+    finally:
+        if elsewhere is not None:
+            elsewhere.close()
+    return (yield from aside(partial(_lit, found, (*found.lamps, *suns), sky, settings, warnings)))
+
+
+def _cycles_elsewhere(world: Any, materials: SurfaceMaterials, frame: int) -> Elsewhere | None:
+    """Another Blender for what Cycles has to look at; None if there is nothing of it that can go there."""
+    worlds = [world] if needs_render(world) else []
+    blocks = [block for block in (*worlds, *materials.materials_to_ask(frame)) if can_go(block)]
+    return Elsewhere(blocks) if blocks else None
 
 
 def export_surfaces(scene: Any, view_layer: Any, settings: Settings) -> Scene:
-    """What `export_scene` gives, without lights and without warnings: shapes and what they reflect.
+    """`surface_scene_parts` at once."""
+    return whole(surface_scene_parts(scene, view_layer, settings))
+
+
+def surface_scene_parts(scene: Any, view_layer: Any, settings: Settings,
+                        part_seconds: float = ENDLESS) -> Parts[Scene]:
+    """What `export_parts` gives, without lights and without warnings: shapes and what they reflect.
 
     Raises
     ------
     SceneError, SettingsError, NothingToBake
         As `export_scene`.
     """
-    assembly = whole(surface_parts(scene, view_layer, settings, {}, [], convert=True)).assembly
-    whole(assembly.materials.read_images())
-    whole(assembly.materials.evaluate(scene.frame_current))
-    return assembly.scene((), Sky())
+    assembly = (yield from surface_parts(scene, view_layer, settings, {}, [], True, part_seconds)).assembly
+    yield from aside(assembly.settle)
+    yield from assembly.materials.read_images()
+    elsewhere = _cycles_elsewhere(None, assembly.materials, scene.frame_current) if part_seconds < ENDLESS else None
+    try:
+        yield from assembly.materials.evaluate(scene.frame_current, elsewhere)
+    finally:
+        if elsewhere is not None:
+            elsewhere.close()
+    return (yield from aside(lambda: assembly.scene((), Sky())))
 
 
 def _lit(found: Surfaces, lights: tuple[Light, ...], sky: Sky, settings: Settings,
-         warnings: Warnings) -> Parts[Exported]:
-    made = found.assembly.scene(lights, sky)
-    yield
-    made = with_fair_shares(made, settings, warnings)
+         warnings: Warnings) -> Exported:
+    """The whole, of arrays alone."""
+    made = with_fair_shares(found.assembly.scene(lights, sky), settings, warnings)
     if not any(surface.receives for surface in made.surfaces):
         raise NothingToBake("no object that is to be baked has an opaque face with an area")
     if not made.lights and made.sky.is_black and not np.asarray(made.emission).any():

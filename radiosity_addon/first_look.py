@@ -6,17 +6,20 @@ It needs no layout of lumels, so it is there before anything is unwrapped. Works
 from __future__ import annotations
 
 from collections.abc import Callable
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ..solver.bake import irradiance
+from ..solver.errors import NothingToBake
+from ..solver.parallel import Run
 from ..solver.scene import Scene, surface_of_triangle
 from ..solver.settings import Settings
+from .coarse_light import Places, coarse_light
 from .look import Look, mean_colours, receiving_triangles
 
-Float = NDArray[np.float64]
-Int = NDArray[np.int64]
+Float = NDArray[np.floating[Any]]
+Int = NDArray[np.integer[Any]]
 
 # The places that are looked at, at most: as many as two cores answer in about a second.
 PLACES = 4096
@@ -25,14 +28,11 @@ MORE_PIECES = 2**17
 MOST_CUTS = 32
 # The length of a piece grows by this factor until there are few enough of both.
 COARSER = 1.3
-# The error of a first look; see `solver.plan` for what it spends.
-ERROR = 0.3
 # How far a place stands in from the corner of its piece, as part of the way to the middle: corners lie in edges.
 INWARD = 0.3
 
 
-def first_look(scene: Scene, settings: Settings, progress: Callable[[str, float], None],
-               cancelled: Callable[[], bool]) -> Look:
+def first_look(scene: Scene, settings: Settings, cancelled: Callable[[], bool]) -> Look:
     """A coarse look at the whole scene.
 
     Raises
@@ -40,21 +40,84 @@ def first_look(scene: Scene, settings: Settings, progress: Callable[[str, float]
     Cancelled, SceneError, NothingToBake
         As `solver.bake`.
     """
-    chosen = receiving_triangles(scene)
-    corners = scene.vertices[scene.triangles[chosen]]
-    pieces, parent, first, place = places(corners)
-    normals = _normals(corners)
-    at = np.unravel_index(first, place.shape)
-    middle = pieces[at[0]].mean(axis=1)
-    points = pieces[at] + INWARD * (middle - pieces[at])
-    rough = Settings(error=ERROR, passes=settings.passes, seed=settings.seed, threads=settings.threads)
-    owner = surface_of_triangle(scene)[chosen[parent[at[0]]]]
-    light = irradiance(scene, rough, points, normals[parent[at[0]]], progress, cancelled, owner) / np.pi
+    shown = receiving_triangles(scene)
+    if not len(shown):
+        raise NothingToBake("no object that is to be baked has an opaque face with an area")
+    hidden = np.setdiff1d(np.arange(len(scene.triangles)), shown, assume_unique=True)
+    grids = [_Grid(scene, shown)]
+    if len(hidden):
+        grids.append(_Grid(scene, hidden))
+    run = Run(settings.thread_count, None, cancelled, stage="first look")
+    light = coarse_light(scene, settings, _joined(scene, grids), run) / np.pi
+    grid = grids[0]
     reflectance, glow = mean_colours(scene)
-    triangle = chosen[parent]
-    colour = light[place] * reflectance[triangle][:, None]
-    return Look("first look", np.asarray(pieces, np.float32), np.zeros((len(pieces), 3, 2), np.float32),
-                np.full(len(pieces), -1, np.int32), np.asarray(colour, np.float32), glow[triangle], ())
+    triangle = shown[grid.parent]
+    colour = light[grid.place] * reflectance[triangle][:, None]
+    return Look("first look", np.asarray(grid.pieces, np.float32), np.zeros((len(triangle), 3, 2), np.float32),
+                np.full(len(triangle), -1, np.int32), np.asarray(colour, np.float32), glow[triangle], ())
+
+
+class _Grid:
+    """Some triangles of a scene, cut into pieces whose corners share places.
+
+    Attributes
+    ----------
+    triangles : of the scene.
+    pieces, parent, place : see `places`.
+    points, normals, surface : of the places, see `Places`.
+    """
+
+    def __init__(self, scene: Scene, triangles: Int) -> None:
+        self.triangles = triangles
+        corners = scene.vertices[scene.triangles[triangles]]
+        self.pieces, self.parent, first, self.place = places(corners)
+        piece, corner = np.unravel_index(first, self.place.shape)
+        middle = self.pieces[piece].mean(axis=1)
+        at = self.pieces[piece, corner]
+        self.points = at + INWARD * (middle - at)
+        self.normals = _normals(corners[self.parent[piece]])
+        self.surface = surface_of_triangle(scene)[triangles[self.parent[piece]]]
+        # The pieces of a triangle lie next to each other, side x side of them.
+        number = np.bincount(self.parent, minlength=len(triangles))
+        self._side = np.rint(np.sqrt(number)).astype(np.int64)
+        self._start = np.empty(len(triangles), np.int64)
+        self._start[self.parent[::-1]] = np.arange(len(self.parent))[::-1]
+
+    def nearest(self, index: Int, u: Float, v: Float) -> Int:
+        """The nearest place of points on the triangles `index` of this grid, at barycentric (u, v)."""
+        side = self._side[index]
+        across, along = u * side, v * side
+        i, j = np.floor(across).astype(np.int64), np.floor(along).astype(np.int64)
+        # Rounding may lead over an edge.
+        i = np.clip(i, 0, side - 1)
+        j = np.clip(j, 0, side - 1 - i)
+        across, along = across - i, along - j
+        upright = (across + along <= 1) | (i + j == side - 1)
+        piece = np.where(upright, i * side + j, (side - 1 - i) * side + (side - 1 - j))
+        weight = np.where(upright[:, None], np.stack([1 - across - along, across, along], 1),
+                          np.stack([across + along - 1, 1 - across, 1 - along], 1))
+        return np.asarray(self.place[self._start[index] + piece, weight.argmax(axis=1)])
+
+
+def _joined(scene: Scene, grids: list[_Grid]) -> Places:
+    """The places of all grids, of which those of the first are wanted."""
+    count = len(scene.triangles)
+    grid_of, row, offset = np.zeros(count, np.int8), np.zeros(count, np.int64), 0
+    offsets = []
+    for number, grid in enumerate(grids):
+        grid_of[grid.triangles], row[grid.triangles] = number, np.arange(len(grid.triangles))
+        offsets.append(offset)
+        offset += len(grid.points)
+
+    def nearest(triangle: Int, u: Float, v: Float) -> Int:
+        found = np.empty(len(triangle), np.int64)
+        for number, grid in enumerate(grids):
+            here = np.flatnonzero(grid_of[triangle] == number)
+            found[here] = offsets[number] + grid.nearest(row[triangle[here]], u[here], v[here])
+        return found
+
+    return Places(np.concatenate([grid.points for grid in grids]), np.concatenate([grid.normals for grid in grids]),
+                  np.concatenate([grid.surface for grid in grids]), len(grids[0].points), nearest)
 
 
 def places(corners: Float) -> tuple[Float, Int, Int, Int]:

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from ..solver.errors import SceneError
 from ..solver.scene import Texture
-from .parts import Parts
+from .parts import PAUSE, Parts, aside
 from .sockets import ASSOCIATED
 from .warn import Warnings, warn
 
@@ -28,10 +28,12 @@ LONGEST_SIDE = 2048
 SMALL_SIDE, ENLARGED = 256, 8
 # Pixels that are decoded at once.
 PART_PIXELS = 2**18
+# Pixels a side that a first look takes for the mean of an image.
+GLANCE_SIDE = 128
 
 
 def texture_parts(image: Any, material: str, warnings: Warnings, highest: float = math.inf) -> Parts[Texture]:
-    """The image's pixels as reflectance or light, some rows a part.
+    """The image's pixels as reflectance or light.
 
     Parameters
     ----------
@@ -43,6 +45,33 @@ def texture_parts(image: Any, material: str, warnings: Warnings, highest: float 
         If the image's file is missing or can't be read.
     """
     _tell_kind(image, material, warnings)
+    yield PAUSE
+    stored = _stored(image, material)
+    yield
+    decode = _decoder(image, material, warnings)
+    name = image.name
+    return (yield from aside(lambda: _texture(name, stored, decode, material, warnings, highest)))
+
+
+def mean_parts(image: Any, material: str, highest: float = math.inf) -> Parts[Float]:
+    """About the mean of the image's pixels, (3,) float32: of every so-manieth of them, for a first look.
+
+    Raises
+    ------
+    SceneError
+        If the image's file is missing or can't be read.
+    """
+    yield PAUSE
+    stored = _stored(image, material)
+    yield
+    step = -(-max(stored.shape[:2]) // GLANCE_SIDE)
+    pixels = _decoder(image, material, [])(stored[::step, ::step])
+    pixels = np.clip(np.nan_to_num(pixels, nan=0.0, posinf=0.0, neginf=0.0), 0.0, highest)
+    return np.asarray(pixels.mean(axis=(0, 1)), np.float32)
+
+
+def _stored(image: Any, material: str) -> Float:
+    """The image as it is kept, (h, w, channels) float32."""
     width, height = image.size
     channels = image.channels
     if not (width and height and channels):
@@ -52,27 +81,28 @@ def texture_parts(image: Any, material: str, warnings: Warnings, highest: float 
                          "restore the file (File > External Data > Find Missing Files) or choose another image")
     values = np.empty(width * height * channels, np.float32)
     image.pixels.foreach_get(values)
-    yield
-    decode = _decoder(image, material, warnings)
-    stored = values.reshape(height, width, channels)
+    return values.reshape(height, width, channels)
+
+
+def _texture(name: str, stored: Float, decode: Callable[[Float], Float], material: str, warnings: Warnings,
+             highest: float) -> Texture:
+    """The image decoded, some rows at a time; touches no bpy."""
+    height, width = stored.shape[:2]
     # An image that is enlarged is small.
     rows = height if max(width, height) <= SMALL_SIDE else max(1, PART_PIXELS // width)
     decoded, brightest = [], 0.0
     for start in range(0, height, rows):
         pixels = decode(stored[start:start + rows])
         if not np.isfinite(pixels).all() or pixels.min() < 0:
-            warn(warnings, material, "texture", f"image {image.name!r} has values that are negative or not finite: "
+            warn(warnings, material, "texture", f"image {name!r} has values that are negative or not finite: "
                  "they count as black")
             pixels = np.clip(np.nan_to_num(pixels, nan=0.0, posinf=0.0, neginf=0.0), 0.0, None)
         brightest = max(brightest, float(pixels.max()))
         decoded.append(np.minimum(pixels, np.float32(highest)))
-        yield
     if brightest > 1 and math.isfinite(highest):
-        warn(warnings, material, "reflectance", f"its image {image.name!r} has values up to {brightest:g}: they are "
+        warn(warnings, material, "reflectance", f"its image {name!r} has values up to {brightest:g}: they are "
              f"held to {highest}, choose a darker one")
-    whole_image = _shrunk(np.concatenate(decoded))
-    yield
-    return Texture(whole_image, image.name)
+    return Texture(_shrunk(np.concatenate(decoded)), name)
 
 
 def _tell_kind(image: Any, material: str, warnings: Warnings) -> None:

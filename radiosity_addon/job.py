@@ -78,7 +78,7 @@ class Job:
         self._staged: Staged | None = None
         self._staged_groups: Path | None = None
         # Is given a coarse export as soon as there is one (see `export_parts`).
-        self._glance: Callable[[Exported], None] | None = None
+        self._glance: Callable[[Exported], Parts[None]] | None = None
         self._failure: BaseException | None = None
         self._made: list[Path] = []
 

@@ -1,6 +1,6 @@
 """A bake that can be watched: a first look, drafts, and the result, each shown as soon as it is there.
 
-    first look   a few thousand places of the scene, while it is still read        first_look.py
+    first look   a few thousand places of the scene, as soon as its shapes are read      first_look.py
     unwrap       the layout that drafts and result share
     drafts       the whole way of the light, coarser: what "Good Enough" keeps
     result       as a bake in background makes it
@@ -27,6 +27,7 @@ from .first_look import first_look
 from .job import Job
 from .layouts import with_shared_layouts
 from .look import look_at
+from .parts import Parts, ended
 from .progress import STAGE_WEIGHTS, Progress
 from .request import Request
 from .warn import warn
@@ -36,8 +37,8 @@ FIRST_LOOK, DRAFT = "first look", "draft"
 # so many times better: else it would take a good part of the result's own time.
 DRAFTS = ((0.3, 0.5), (0.06, 1.0))
 WORTH = 3.0
-# Part of a bake's time that looks take, as `progress.STAGE_WEIGHTS`.
-LOOK_WEIGHTS = {FIRST_LOOK: 4.0, DRAFT: 15.0}
+# Part of a bake's time that drafts take, as `progress.STAGE_WEIGHTS`.
+DRAFT_WEIGHT = 15.0
 
 
 @dataclass(frozen=True)
@@ -54,9 +55,8 @@ class LiveJob(Job):
 
     def __init__(self, request: Request, scene: Any, view_layer: Any) -> None:
         super().__init__(request, scene, view_layer)
-        head = {name: STAGE_WEIGHTS[name] for name in ("export",)}
-        self.progress.weights = {**head, FIRST_LOOK: LOOK_WEIGHTS[FIRST_LOOK], "unwrap": STAGE_WEIGHTS["unwrap"],
-                                 DRAFT: LOOK_WEIGHTS[DRAFT], **STAGE_WEIGHTS}
+        head = {name: STAGE_WEIGHTS[name] for name in ("export", "unwrap")}
+        self.progress.weights = {**head, DRAFT: DRAFT_WEIGHT, **STAGE_WEIGHTS}
         self._enough = threading.Event()
         self._kept: Bake | None = None
         self._glance = self._look_first
@@ -86,22 +86,16 @@ class LiveJob(Job):
             self._looking.join()
         super().close()
 
-    def _look_first(self, exported: Exported) -> None:
-        """Start a first look at a coarse export, while the rest is still read."""
+    def _look_first(self, exported: Exported) -> Parts[None]:
+        """Take a first look at a coarse export; the rest is read afterwards, as both would share one interpreter."""
         self._looking = threading.Thread(target=self._look_at, args=(exported,), name="radiosity look", daemon=True)
         self._looking.start()
+        yield from ended(self._looking)
 
     def _look_at(self, exported: Exported) -> None:
-        progress = self._as_stage(FIRST_LOOK)
-
-        def tell(stage: str, fraction: float) -> None:
-            # Until then what is read is told of.
-            if self._thread is not None:
-                progress(stage, fraction)
-
         try:
             with self._timed(FIRST_LOOK):
-                self.look = first_look(exported.scene, exported.settings, tell, self._cancel.is_set)
+                self.look = first_look(exported.scene, exported.settings, self._cancel.is_set)
         except RadiosityError:
             # What is wrong with the scene itself the bake tells; what Cycles has not evaluated yet may be wrong here.
             pass

@@ -63,7 +63,7 @@ class Progress:
     def line(self) -> str:
         """Stage, per cent and time left, for people."""
         left = self.seconds_left
-        return f"{self.stage}: {self.fraction:4.0%}" + (f", {clock(left)} left" if left is not None else "")
+        return f"{self.stage}: {self.fraction:.0%}" + (f", {clock(left)} left" if left is not None else "")
 
 
 def clock(seconds: float) -> str:

@@ -4,10 +4,11 @@ ray.
 
 from __future__ import annotations
 
+import threading
 import time
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
-from pathlib import Path
+from dataclasses import replace
+from functools import partial
 from typing import Any
 
 import bpy
@@ -22,15 +23,15 @@ from ..solver.settings import Settings
 from . import blend_file, cache, compat, report
 from .binding import Binding
 from .changes import changes, reflect_otherwise, refuse
-from .export import Exported, export_surfaces
+from .export import Exported, surface_scene_parts
 from .job import Job, Outcome
 from .light_groups import Group
 from .memory import peak_memory_bytes
-from .parts import whole
-from .request import Request, remove_empty
+from .parts import WINDOW_PART, Parts, aside
+from .request import Request
 from .staging import stage
 from .summary import print_outcome, print_warnings
-from .survey import survey
+from .survey import survey_parts
 from .warn import Warnings
 from .write_back import write_back
 
@@ -41,18 +42,8 @@ BAKED_IN = ("target", "uv_layer", "resolution", "texel_density", "max_pages", "a
             "footprint", "margin", "seed", "error")
 
 
-@dataclass(frozen=True, eq=False)
-class Relit:
-    """Kept light in its new strength.
-
-    bake : as a bake would give it. factors : (groups, 3), what each group's layer was multiplied by.
-    colours : names of materials and objects whose other reflectances were followed.
-    """
-
-    kept: cache.Kept
-    bake: Bake
-    factors: Float
-    colours: tuple[str, ...]
+# Part of the time that stages usually take; only the estimate of the time left depends on it.
+WEIGHTS = {"export": 1.0, "light": 4.0, "write": 1.0}
 
 
 def relight(request: Request, scene: Any, view_layer: Any, warnings: Warnings) -> Outcome:
@@ -63,56 +54,112 @@ def relight(request: Request, scene: Any, view_layer: Any, warnings: Warnings) -
     RadiosityError
         If nothing is kept, if it does not hold any more (says what has changed), or if results can't be written.
     """
-    Job.refuse_second()
-    started = time.perf_counter()
-    stages: dict[str, float] = {}
-    made = request.check_writable()
+    job = RelightJob(request, scene, view_layer)
+    job.warnings = warnings
     try:
-        relit = relit_scene(cache.find(request.output, scene.name), scene, view_layer, stages)
-        start = time.perf_counter()
-        done = replace(request, settings=relit.kept.settings)
-        exported = _exported(relit.kept)
-        staged = stage(relit.bake, done)
-        try:
-            outputs = whole(write_back(exported, relit.bake, staged, done, scene, view_layer, warnings))
-        finally:
-            staged.close()
-        if done.save is not None:
-            blend_file.save_copy(done.save)
-        stages["write"] = time.perf_counter() - start
-        full = _report(relit, done, scene, outputs, warnings, stages, time.perf_counter() - started)
+        job.export()
+        job.start()
+        return job.finish()
+    finally:
+        job.close()
+
+
+class RelightJob(Job):
+    """A job (see there) that mixes what a bake has kept.
+
+    live : whether a change started it, and the next one may end it.
+    """
+
+    def __init__(self, request: Request, scene: Any, view_layer: Any, *, live: bool = False) -> None:
+        super().__init__(request, scene, view_layer)
+        self.live = live
+        self.progress.weights = WEIGHTS.copy()
+        self._kept: cache.Kept | None = None
+        # (groups, 3), what each group's layer is multiplied by; and names of materials and objects whose other
+        # reflectances are followed, with the scene that has them, if there are any.
+        self._factors = np.empty((0, 3))
+        self._colours: tuple[str, ...] = ()
+        self._repainted: Scene | None = None
+
+    def exporting(self, part_seconds: float = WINDOW_PART) -> Parts[None]:
+        """Read what is kept, see whether it holds, and read the scene's reflectances if they are others.
+
+        Raises
+        ------
+        RadiosityError
+            See `relight`.
+        """
+        self._made = self.request.check_writable()
+        with self._timed("read"):
+            self._kept = kept = yield from aside(partial(cache.read, cache.find(self.request.output, self.scene_name)))
+        scene, layer = self._place()
+        with self._timed("check"):
+            seen = yield from survey_parts(scene, layer, part_seconds)
+            refuse(changes(kept.seen, seen, kept.groups, follows=kept.bake.paths is not None))
+            self._factors = np.array([group.factors(seen) for group in kept.groups])
+            self._colours = tuple(reflect_otherwise(kept.seen, seen))
+        if self._colours:
+            with self._timed("export"):
+                found = yield from surface_scene_parts(scene, layer, kept.settings, part_seconds)
+                self._repainted = replace(found, surfaces=kept.surfaces)
+        self.progress("export", 1.0)
+
+    def finishing(self) -> Parts[Outcome]:
+        """Put the results in their places, an object a part."""
+        self.wait(threading.TIMEOUT_MAX)
+        if self._failure is not None:
+            raise self._failure
+        self.refuse_cancelled()
+        assert self._kept is not None
+        assert self._bake is not None
+        assert self._staged is not None
+        done = replace(self.request, settings=self._kept.settings)
+        with self._timed("write"):
+            scene, layer = self._place()
+            outputs = yield from write_back(_exported(self._kept), self._bake, self._staged, done, scene, layer,
+                                            self.warnings)
+            if done.save is not None:
+                blend_file.save_copy(done.save)
+        full = self._report(outputs)
         if done.report_path is not None:
             report.write(full, done.report_path)
-    finally:
-        remove_empty(made)
-    return Outcome(full, 0)
+        self.progress("write", 1.0)
+        return Outcome(full, 0)
 
+    def _baked(self) -> Bake:
+        assert self._kept is not None
+        kept = self._kept
+        strengths = {group.name: rgb for group, rgb in zip(kept.groups, self._factors, strict=True)}
+        with self._timed("mix" if self._repainted is None else "solve"):
+            return solver_relight(kept.bake, replace(kept.settings, only=()), strengths, self._repainted,
+                                  lambda _, fraction: self.progress("light", fraction), self._cancel.is_set)
 
-def relit_scene(folder: Path, scene: Any, view_layer: Any, stages: dict[str, float] | None = None) -> Relit:
-    """What is kept in a folder, lit as the scene's lights are now; nothing is written.
+    def _use(self, done: Bake) -> None:
+        assert self._kept is not None
+        self.progress("write", 0.0)
+        self.refuse_cancelled()
+        with self._timed("write"):
+            self._staged = stage(done, replace(self.request, settings=self._kept.settings))
 
-    Raises
-    ------
-    RadiosityError
-        See `relight`.
-    """
-    clock = _Clock({} if stages is None else stages)
-    kept = cache.read(folder)
-    clock.lap("read")
-    seen = survey(scene, view_layer)
-    follows = kept.bake.paths is not None
-    refuse(changes(kept.seen, seen, kept.groups, follows=follows))
-    factors = np.array([group.factors(seen) for group in kept.groups])
-    colours = reflect_otherwise(kept.seen, seen)
-    clock.lap("check")
-    repainted = None
-    if colours:
-        repainted = replace(export_surfaces(scene, view_layer, kept.settings), surfaces=kept.surfaces)
-        clock.lap("export")
-    strengths = {group.name: rgb for group, rgb in zip(kept.groups, factors, strict=True)}
-    bake = solver_relight(kept.bake, replace(kept.settings, only=()), strengths, repainted)
-    clock.lap("mix" if repainted is None else "solve")
-    return Relit(kept, bake, factors, tuple(colours))
+    def _report(self, outputs: list[dict[str, Any]]) -> dict[str, Any]:
+        """As a bake's; the error is that of the bake, for the lights that it had."""
+        assert self._kept is not None
+        assert self._bake is not None
+        kept = self._kept
+        return {
+            **kept.bake.report,
+            "scene": bpy.data.filepath or self.scene_name,
+            "blender": compat.version(),
+            "settings": kept.settings.as_dict(),
+            "stages": [{"name": name, "seconds": value, "rays": 0} for name, value in self._seconds.items()],
+            "rays": 0,
+            "groups": _told(kept.groups, self._factors),
+            **_recoloured(self._bake, self._colours),
+            "outputs": outputs,
+            "warnings": self.warnings,
+            "peak_memory_bytes": peak_memory_bytes(),
+            "seconds": time.perf_counter() - self._started,
+        }
 
 
 def check_words(kept: Settings, given: dict[str, Any]) -> None:
@@ -149,48 +196,16 @@ def _as_it_is(binding: Binding) -> Binding:
     return replace(binding, same_topology=True)
 
 
-def _report(relit: Relit, request: Request, scene: Any, outputs: list[dict[str, Any]], warnings: Warnings,
-            stages: dict[str, float], seconds: float) -> dict[str, Any]:
-    """As a bake's; the error is that of the bake, for the lights that it had."""
-    kept = relit.kept
-    return {
-        **kept.bake.report,
-        "scene": bpy.data.filepath or scene.name,
-        "blender": compat.version(),
-        "settings": kept.settings.as_dict(),
-        "stages": [{"name": name, "seconds": value, "rays": 0} for name, value in stages.items()],
-        "rays": 0,
-        "groups": _told(kept.groups, relit.factors),
-        **_colours(relit),
-        "outputs": outputs,
-        "warnings": warnings,
-        "peak_memory_bytes": peak_memory_bytes(),
-        "seconds": seconds,
-    }
-
-
 def _told(groups: Sequence[Group], factors: Float) -> list[dict[str, Any]]:
     return [{"name": group.name, "baked": list(group.tint), "now": [float(value) for value in rgb]}
             for group, rgb in zip(groups, factors, strict=True)]
 
 
-def _colours(relit: Relit) -> dict[str, Any]:
+def _recoloured(bake: Bake, names: Sequence[str]) -> dict[str, Any]:
     """What the report says of reflectances that were followed, if any were."""
-    if "recoloured" not in relit.bake.report:
+    if "recoloured" not in bake.report:
         return {}
-    return {"recoloured": {"names": list(relit.colours), **relit.bake.report["recoloured"]}}
-
-
-class _Clock:
-    """Seconds between laps, by name."""
-
-    def __init__(self, seconds: dict[str, float]) -> None:
-        self._seconds, self._last = seconds, time.perf_counter()
-
-    def lap(self, name: str) -> None:
-        """Time since the last one."""
-        now = time.perf_counter()
-        self._seconds[name], self._last = now - self._last, now
+    return {"recoloured": {"names": list(names), **bake.report["recoloured"]}}
 
 
 def relight_command(request: Request, scene: Any, view_layer: Any, given: dict[str, Any]) -> int:

@@ -62,6 +62,23 @@ def uncover_all() -> int:
     return count
 
 
+def own_materials(item: Any) -> list[Any]:
+    """The materials of an object's slots, covered or not; None for an empty one."""
+    kept = item.get(COVERED)
+    if kept is None:
+        return [slot.material for slot in item.material_slots]
+    if ADDED in item.data:
+        return []
+    found = []
+    for index, slot in enumerate(item.material_slots):
+        before = kept.get(str(index))
+        if before is None:
+            found.append(slot.material)
+        else:
+            found.append(before.get("material") if before["link"] == "OBJECT" else item.data.materials[index])
+    return found
+
+
 @contextmanager
 def uncovered() -> Iterator[None]:
     """Every slot as it was, for a while."""

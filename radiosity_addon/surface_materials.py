@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -17,12 +18,13 @@ from numpy.typing import NDArray
 from ..solver.errors import RadiosityError
 from ..solver.scene import Texture
 from . import evaluate, node_hash
+from .cycles_elsewhere import Elsewhere
 from .evaluate import Evaluated, Request
-from .images import texture_parts
+from .images import mean_parts, texture_parts
 from .materials import FAINT, HIGHEST, Shading, read_material, settled, tell_passing
 from .mesh_arrays import MeshArrays, read_uv
 from .mesh_part import take_part
-from .parts import Parts
+from .parts import Parts, aside
 from .sockets import Colour, ImageUse
 from .triangle_cells import Cells
 from .visible import Shown
@@ -72,6 +74,10 @@ class SurfaceMaterials:
         self._pending: list[tuple[_Place, Request, list[int]]] = []
         self._with_images: list[_Place] = []
 
+    def knows(self, material: Any) -> bool:
+        """Whether a material was read before, which takes its time."""
+        return (material.name_full if material is not None else "") in self._slots
+
     def slot(self, material: Any) -> Slot:
         """A material as a slot; None is an empty one."""
         name = material.name_full if material is not None else ""
@@ -115,6 +121,20 @@ class SurfaceMaterials:
         else:
             self._with_images.append(place)
 
+    def glance_at_images(self) -> Parts[None]:
+        """Put plain colours, about the means of images, where `read_images` will put these."""
+        means: dict[tuple[str, bool], Float] = {}
+        for place in self._with_images:
+            for name, colour in (("reflectance", place.shading.reflectance), ("emission", place.shading.emission)):
+                if colour.image is None:
+                    continue
+                reflects, image = name == "reflectance", colour.image.image
+                key = (image.name_full, reflects)
+                if key not in means:
+                    means[key] = yield from mean_parts(image, place.material, HIGHEST if reflects else math.inf)
+                    yield
+                place.columns[name][place.rows] = colour.factor * means[key]
+
     def read_images(self) -> Parts[None]:
         """Read the images of all that was added, and put them in their places, a part each."""
         for place in self._with_images:
@@ -122,12 +142,16 @@ class SurfaceMaterials:
             yield
         self._with_images.clear()
 
-    def evaluate(self, frame: int) -> Parts[None]:
-        """Let Cycles evaluate what waits for it, a part each, and put it in its place."""
+    def materials_to_ask(self, frame: int) -> list[Any]:
+        """The materials that Cycles has to look at in `evaluate`."""
+        return evaluate.materials_to_ask([request for _, request, _ in self._pending], frame)
+
+    def evaluate(self, frame: int, elsewhere: Elsewhere | None = None) -> Parts[None]:
+        """Let Cycles evaluate what waits for it, a part each, and put it in its place; see `evaluate.evaluate`."""
         if not self._pending:
             return
         try:
-            results = yield from evaluate.evaluate([request for _, request, _ in self._pending], frame)
+            results = yield from evaluate.evaluate([request for _, request, _ in self._pending], frame, elsewhere)
         except RadiosityError as cause:
             for place, _, _ in self._pending:
                 warn(self.warnings, place.material, "material", f"could not be evaluated by Cycles on object "
@@ -161,12 +185,18 @@ class SurfaceMaterials:
 
     def _put_evaluated(self, place: _Place, result: Evaluated, order: list[int]) -> Parts[None]:
         """Put down what Cycles made of a material."""
-        shading, parts, inside = place.shading, result.parts, result.cells.inside()
-        lost = float(_mean(parts["lost"], inside).mean()) if "lost" in parts else shading.lost
+        shading, parts = place.shading, result.parts
         if set(parts) <= {"lost"}:
+            lost = _lost(shading, result, result.cells.inside())
             yield from self._put(replace(place, shading=replace(
                 settled(replace(shading, guesses=()), place.material, self.warnings), lost=lost)))
-            return
+        else:
+            yield from aside(partial(self._put_parts, place, result, order))
+
+    def _put_parts(self, place: _Place, result: Evaluated, order: list[int]) -> None:
+        """Put down the colours and images that Cycles made; touches no bpy."""
+        shading, parts, inside = place.shading, result.parts, result.cells.inside()
+        lost = _lost(shading, result, inside)
         reflected = parts.get("reflectance", np.array(shading.reflectance.factor, np.float32))
         emission = parts.get("emission", np.array(shading.emission.factor, np.float32))
         passing = np.clip(parts.get("passing", np.full(3, shading.passing, np.float32)), 0, 1)
@@ -237,6 +267,11 @@ class SurfaceMaterials:
                  "they count as 0, unwrap again")
             placed = np.nan_to_num(placed, nan=0.0, posinf=0.0, neginf=0.0)
         return np.asarray(placed, np.float32)
+
+
+def _lost(shading: Shading, result: Evaluated, inside: NDArray[np.bool_]) -> float:
+    """The part of the light that is not carried."""
+    return float(_mean(result.parts["lost"], inside).mean()) if "lost" in result.parts else shading.lost
 
 
 def _mean(values: Float, inside: NDArray[np.bool_]) -> Float:

@@ -75,6 +75,12 @@ class _Reader:
         if [item.name for item in shown] != [binding.surface for binding in self.bindings]:
             raise SceneError("the scene was changed while it was read: bake again")
         self.assembly.forget_meshes()
+        # One mesh may have hundreds of materials.
+        for material in (material for item in shown for material in item.materials):
+            if not self.assembly.materials.knows(material):
+                self.assembly.materials.slot(material)
+                if clock.is_over():
+                    return False
         while self._done < len(shown):
             self.assembly.add(shown[self._done], self.bindings[self._done])
             self._done += 1

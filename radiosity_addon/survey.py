@@ -110,15 +110,21 @@ class _Looker:
     def __init__(self, emissions: Emissions, world: Source) -> None:
         self.found = Survey(world=world)
         self._emissions = emissions
-        self._done = 0
+        self._done, self._lit = 0, False
 
     def go_on(self, depsgraph: Any, clock: Clock) -> bool:
-        """Look at the lamps, then at some meshes; whether these were the last."""
+        """Look at the lamps, then at materials, then at meshes; whether these were the last."""
         shown = shown_meshes(depsgraph, [])
         linking = Linking(depsgraph, shown)
-        if not self._done:
+        if not self._lit:
+            self._lit = True
             lamps = export_lights(depsgraph, linking, [], self._emissions)
             self.found = replace(self.found, lamps=_lamps(lamps), lamp_count=len(lamps))
+        for material in (material for item in shown for material in item.materials):
+            if material is not None and material.name_full not in self.found.surfaces:
+                self.found.surfaces[material.name_full] = Source(rest_of(material), knobs_of(material))
+                if clock.is_over():
+                    return False
         known: dict[int, str] = {}
         while self._done < len(shown):
             self._add(shown[self._done], known, linking)
@@ -136,7 +142,6 @@ class _Looker:
         self.found.meshes[item.name] = known[pointer]
         self.found.materials[item.name] = [material.name_full if material is not None else ""
                                            for material in item.materials]
-        _add_materials(item, self.found)
         links = linking.of(item.original)
         if links is not None:
             self.found.links[item.name] = digest(links)
@@ -160,12 +165,6 @@ def _shape(light: Light) -> list[Any]:
     kept = [(item.name, getattr(light, item.name)) for item in fields(light) if item.name not in STRENGTHS]
     return [type(light).__name__, *((name, np.round(value, 9) if isinstance(value, np.ndarray) else
                                      _shape(value) if isinstance(value, Light) else value) for name, value in kept)]
-
-
-def _add_materials(item: Shown, found: Survey) -> None:
-    for material in item.materials:
-        if material is not None and material.name_full not in found.surfaces:
-            found.surfaces[material.name_full] = Source(rest_of(material), knobs_of(material))
 
 
 def _mesh(mesh: Any) -> list[Any]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -12,7 +13,8 @@ from ..solver.scene import Sky
 from ..solver.sky_lamps import peel_parts
 from ..solver.sky_picture import Window
 from . import compat, world_render
-from .parts import ENDLESS, Parts, whole
+from .cycles_elsewhere import Elsewhere
+from .parts import ENDLESS, Parts, aside, whole
 from .sockets import Reader
 from .warn import Warnings, warn
 from .world_render import Map
@@ -28,13 +30,19 @@ def read_world(world: Any, warnings: Warnings) -> tuple[Sky, tuple[Light, ...]]:
     return whole(world_parts(world, warnings))
 
 
-def world_parts(world: Any, warnings: Warnings, size: Map | None = None,
-                part_seconds: float = ENDLESS) -> Parts[World]:
+def needs_render(world: Any) -> bool:
+    """Whether Cycles has to look at a world."""
+    return world is not None and bool(world.cycles_visibility.diffuse) and _constant(world, []) is None
+
+
+def world_parts(world: Any, warnings: Warnings, size: Map | None = None, part_seconds: float = ENDLESS,
+                elsewhere: Elsewhere | None = None) -> Parts[World]:
     """The sky: constant where the node tree is a plain background, else rendered to a map by Cycles, in parts.
 
     Parameters
     ----------
     size, part_seconds : as `world_render.map_parts`; None for what a bake needs.
+    elsewhere : another Blender that knows the world; None: Cycles works in this one.
 
     Returns
     -------
@@ -52,40 +60,57 @@ def world_parts(world: Any, warnings: Warnings, size: Map | None = None,
         return Sky(), ()
     flat = _constant(world, warnings)
     if flat is None:
-        radiance = yield from world_render.map_parts(world, size or world_render.fine_map(world), part_seconds)
-        peeled = yield from _peeled(world, Sky(_clean(radiance, world, warnings)), warnings, closely=size is None)
-        yield
-        return peeled
+        wanted = size or world_render.fine_map(world)
+        if elsewhere is None:
+            radiance = yield from world_render.map_parts(world, wanted, part_seconds)
+        else:
+            shape = wanted.width, wanted.height, wanted.samples
+            radiance = yield from elsewhere.ask(do="map", world=world.name, size=shape)
+        sky = yield from aside(lambda: Sky(_clean(radiance, world.name, warnings)))
+        return (yield from _peeled(world, sky, warnings, elsewhere, closely=size is None))
     if (flat < 0).any():
         warn(warnings, world.name, CODE, "gives negative light: it counts as black")
     return Sky(np.clip(flat, 0, None)), ()
 
 
-def _peeled(world: Any, sky: Sky, warnings: Warnings, *, closely: bool) -> Parts[World]:
+def _peeled(world: Any, sky: Sky, warnings: Warnings, elsewhere: Elsewhere | None, *, closely: bool) -> Parts[World]:
     """The sky without its bright spots, and these as lamps; `closely` looks at small ones by renders of their own."""
     peeling = peel_parts(sky, world.name)
     seen: Window | None = None
     while True:
-        try:
-            axis, half_angle = peeling.send(seen)
-        except StopIteration as end:
-            lamps, rest = end.value
+        wanted, ended = yield from aside(partial(_step, peeling, seen))
+        if ended is not None:
+            lamps, rest = ended
             return rest, lamps
-        seen = _close_look(world, axis, half_angle, warnings) if closely else None
-        yield
+        axis, half_angle = wanted
+        seen = (yield from _close_look(world, axis, half_angle, warnings, elsewhere)) if closely else None
 
 
-def _close_look(world: Any, axis: Float, half_angle: float, warnings: Warnings) -> Window:
+def _step(peeling: Any, seen: Window | None) -> tuple[Any, Any]:
+    """What a peeling wants to look at next, or its end."""
+    try:
+        return peeling.send(seen), None
+    except StopIteration as end:
+        return None, end.value
+
+
+def _close_look(world: Any, axis: Float, half_angle: float, warnings: Warnings,
+                elsewhere: Elsewhere | None) -> Parts[Window]:
     right, up = Window.sides(axis)
-    half = float(np.tan(half_angle))
-    return Window(axis, right, up, half, _clean(world_render.window(world, axis, right, up, half), world, warnings))
+    view = axis, right, up, float(np.tan(half_angle))
+    if elsewhere is None:
+        seen = world_render.window(world, *view)
+        yield
+    else:
+        seen = yield from elsewhere.ask(do="window", world=world.name, view=view)
+    return Window(*view, _clean(seen, world.name, warnings))
 
 
-def _clean(radiance: Float, world: Any, warnings: Warnings) -> Float:
+def _clean(radiance: Float, name: str, warnings: Warnings) -> Float:
     """Radiance that a sky can have."""
     if np.isfinite(radiance).all() and radiance.min() >= 0:
         return radiance
-    warn(warnings, world.name, CODE, "gives light that is negative or not finite in some directions: "
+    warn(warnings, name, CODE, "gives light that is negative or not finite in some directions: "
          "it counts as black there")
     return np.clip(np.nan_to_num(radiance, nan=0.0, posinf=0.0, neginf=0.0), 0, None)
 

@@ -229,10 +229,10 @@ def test_the_first_look_shows_no_light_where_a_lamp_does_not_reach(linked):
     lamp("POINT", energy=100).light_linking.receiver_collection = collection(include=["Wall"])
     bpy.data.materials["Red"].node_tree.nodes["Diffuse BSDF"].inputs["Color"].default_value = (0, 0, 0, 1)
     scene, _ = exported()
-    look = first_look(scene, solver.Settings(), lambda *_: None, lambda: False)
+    look = first_look(scene, solver.Settings(), lambda: False)
     at_floor = (look.corners[..., 2] == 0).all(axis=1)
     assert at_floor.any()
     assert not look.colour[at_floor].any()
     # Black walls show nothing either: as white ones they do.
     lamp("POINT", energy=100, location=(0, 0, 1))
-    assert first_look(exported()[0], solver.Settings(), lambda *_: None, lambda: False).colour[at_floor].any()
+    assert first_look(exported()[0], solver.Settings(), lambda: False).colour[at_floor].any()

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import contextlib
 import dataclasses
+import threading
 import time
 from pathlib import Path
 from typing import Any
@@ -10,15 +12,16 @@ from typing import Any
 import bpy
 import numpy as np
 import pytest
-from radiosity.radiosity_addon import world_render
+from radiosity.radiosity_addon import evaluate, world_render
 from radiosity.radiosity_addon.blend_file import open_blend
+from radiosity.radiosity_addon.cycles_elsewhere import Elsewhere, can_go
 from radiosity.radiosity_addon.export import Exported, export_parts, export_scene
 from radiosity.radiosity_addon.images import texture_parts
 from radiosity.radiosity_addon.job import Job
-from radiosity.radiosity_addon.parts import some, whole
+from radiosity.radiosity_addon.parts import PAUSE, aside, some, whole
 from radiosity.radiosity_addon.request import Request
 from radiosity.radiosity_addon.world_render import COARSE, FINE, Map
-from radiosity.solver.errors import SceneError
+from radiosity.solver.errors import RadiosityError, SceneError
 from radiosity.solver.settings import Settings
 
 SCENES = Path(__file__).resolve().parents[3] / "shared" / "scenes"
@@ -88,9 +91,22 @@ def test_a_scene_read_in_short_parts_is_the_scene_read_at_once(scene):
 
 
 def test_a_glance_has_all_surfaces_and_a_coarse_sky_before_the_rest_is_read(scene):
-    # Exact answer: the triangles, the image and the plain colour of the whole; a map of 256 x 128; given once.
+    # Exact answer: the triangles and the plain colour of the whole; for the image its mean, to a part of its pixels; a
+    # map of 256 x 128; given once, and nothing more is read before its parts have ended.
     seen: list[Exported] = []
-    exported = whole(parts_of(scene, part_seconds=SHORT, glance=seen.append))
+    order: list[str] = []
+
+    def glance_at(exported: Exported) -> Any:
+        seen.append(exported)
+        yield
+        order.append("looked")
+
+    parts = parts_of(scene, part_seconds=SHORT, glance=glance_at)
+    while not seen:
+        next(parts)
+    assert order == []
+    exported = whole(parts)
+    assert order == ["looked"]
     (glance,) = seen
     assert np.array_equal(glance.scene.vertices, exported.scene.vertices)
     assert glance.scene.sky.radiance.shape == (COARSE.height, COARSE.width, 3)
@@ -98,8 +114,43 @@ def test_a_glance_has_all_surfaces_and_a_coarse_sky_before_the_rest_is_read(scen
     assert glance.scene.sky.radiance.mean(axis=(0, 1)) == pytest.approx(exported.scene.sky.radiance.mean(axis=(0, 1)),
                                                                        rel=0.02)
     assert glance.scene.reflectance[-1] == pytest.approx(exported.scene.reflectance[-1])
-    assert [texture.name for texture in glance.scene.textures] == ["Photo"]
+    assert not glance.scene.textures
+    assert glance.scene.reflectance[0] == pytest.approx(exported.scene.textures[0].mean, rel=0.03)
     assert len(exported.scene.textures) == 2
+
+
+def test_what_cycles_evaluates_in_another_blender_is_what_it_evaluates_here(scene):
+    # The noise and the gradient, asked of another Blender in a window's parts. Exact answer: all arrays of the scene
+    # that is read at once, to the bit, and the same messages.
+    evaluate.forget()
+    expected: list[Any] = []
+    at_once = export_scene(scene, bpy.context.view_layer, Settings(resolution=32), expected)
+    evaluate.forget()
+    messages: list[Any] = []
+    asked = whole(export_parts(scene, bpy.context.view_layer, Settings(resolution=32), messages, part_seconds=SHORT))
+    assert arrays(asked.scene) == arrays(at_once.scene)
+    assert messages == expected
+
+
+def test_another_blender_that_fails_is_told_of_and_leaves_nothing(scene):
+    # It is ended from outside before it can answer. Exact answer: an error with its exit code, and no folder.
+    elsewhere = Elsewhere([scene.world])
+    folder = Path(elsewhere._folder.name)
+    try:
+        elsewhere._process.kill()
+        with pytest.raises(RadiosityError, match=r"another Blender, .* failed \(exit code"):
+            whole(elsewhere.ask(do="map", world=scene.world.name, size=(8, 4, 1)))
+    finally:
+        elsewhere.close()
+    assert not folder.exists()
+
+
+def test_what_looks_at_an_object_stays_in_this_blender(scene):
+    # Texture coordinates of an object, whose place no file holds. Exact answer: may go without it, and not with it.
+    assert can_go(scene.world)
+    node = next(node for node in scene.world.node_tree.nodes if node.bl_idname == "ShaderNodeTexCoord")
+    node.object = bpy.data.objects["Plain"]
+    assert not can_go(scene.world)
 
 
 def test_strips_of_a_world_are_the_whole_map(scene):
@@ -129,6 +180,26 @@ def test_a_scene_that_changes_between_two_parts_is_refused(scene, monkeypatch):
         whole(parts)
 
 
+def test_what_is_worked_aside_is_waited_for_and_its_error_is_raised_here():
+    # Exact answer: the result, of another thread; a window gets its turn meanwhile; and the error itself.
+    def slow() -> int:
+        time.sleep(0.2)
+        return threading.get_ident()
+
+    def broken() -> None:
+        raise SceneError("broken")
+
+    assert whole(aside(slow)) != threading.get_ident()
+    parts, ticks = aside(slow), 0
+    with contextlib.suppress(StopIteration):
+        while True:
+            some(parts, 0.01)
+            ticks += 1
+    assert ticks > 3
+    with pytest.raises(SceneError, match="broken"):
+        whole(aside(broken))
+
+
 def test_some_goes_on_for_as_long_as_is_asked():
     # Five parts of ten milliseconds. Exact answer: one, where no time is given; all, with their result, in a second.
     def five() -> Any:
@@ -144,6 +215,21 @@ def test_some_goes_on_for_as_long_as_is_asked():
     with pytest.raises(StopIteration) as end:
         some(five(), 1.0)
     assert end.value.value == "result"
+
+
+def test_a_pause_gives_the_window_its_turn():
+    # A pause between two steps, with a second to go. Exact answer: one step before it; both where nobody waits.
+    def two() -> Any:
+        done.append(1)
+        yield PAUSE
+        done.append(2)
+        yield
+
+    done: list[int] = []
+    some(two(), 1.0)
+    assert done == [1]
+    whole(two())
+    assert done == [1, 1, 2]
 
 
 def test_files_are_put_in_their_places_at_the_end_alone(scene, tmp_path):
@@ -164,7 +250,7 @@ def test_files_are_put_in_their_places_at_the_end_alone(scene, tmp_path):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("name", ["classroom", "living-room"])
+@pytest.mark.parametrize("name", ["classroom", "living-room", "truck_town", "pandora"])
 def test_no_part_of_a_large_scene_keeps_the_window_for_long(build, name, tmp_path):
     # Reading and writing, in seconds of Blender's own thread: what Cycles does in others is not in them. Allowed: a
     # tenth of a second a part. Printed: the longest by the clock too, Cycles included.
@@ -185,19 +271,19 @@ def test_no_part_of_a_large_scene_keeps_the_window_for_long(build, name, tmp_pat
             job.close()
         for stage, (own, clock) in (("reading", reading), ("writing", writing)):
             longest[stage].append(max(own))
-            print(f"{name}: {stage} in {len(own)} parts, {sum(own):.2f} s, longest {max(own):.3f} s of the thread, "
+            print(f"{name}: {stage} in {len(own)} ticks, {sum(own):.2f} s, longest {max(own):.3f} s of the thread, "
                   f"{max(clock):.3f} s by the clock")
     assert max(min(seconds) for seconds in longest.values()) < LONGEST
 
 
 def timed(parts: Any) -> tuple[list[float], list[float]]:
-    """Seconds of every part: of this thread, and by the clock."""
+    """Seconds of every tick of a window that works in parts: of this thread, and by the clock."""
     own: list[float] = []
     clock: list[float] = []
     while True:
         begun, start = time.thread_time(), time.perf_counter()
         try:
-            next(parts)
+            some(parts)
         except StopIteration:
             return own, clock
         finally:

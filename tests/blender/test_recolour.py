@@ -6,7 +6,9 @@ import json
 import math
 import subprocess
 import sys
+from argparse import Namespace
 from collections.abc import Iterator
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -15,8 +17,12 @@ import numpy as np
 import pytest
 from radiosity import operators
 from radiosity.radiosity_addon import cache, live_relight
-from radiosity.radiosity_addon.relight_request import kept_in
+from radiosity.radiosity_addon.job import Job
+from radiosity.radiosity_addon.parts import whole
+from radiosity.radiosity_addon.relight import RelightJob
+from radiosity.radiosity_addon.relight_request import kept_in, relight_request
 from radiosity.solver import image_file
+from radiosity.solver.errors import Cancelled
 
 GREY, RED = (0.5, 0.5, 0.5), (0.8, 0.1, 0.3)
 
@@ -176,6 +182,79 @@ def test_live_follows_base_colours(room):
     image = bpy.data.objects["Room"]["radiosity_lightmaps"]
     live_relight.update()
     assert bpy.data.objects["Room"]["radiosity_lightmaps"] == image
+
+
+def test_live_notices_another_material_in_a_slot(room):
+    # Live switched on, another material put into the room's slot; then, while the baked look covers the slots, nothing.
+    # Exact answer: the light of that material, and no second update.
+    bpy.ops.radiosity.bake()
+    before = light()
+    scene, item = bpy.context.scene, bpy.data.objects["Room"]
+    other = matt(room, "Other paint", RED)
+    scene.radiosity.live_relight = True
+    item.material_slots[0].material = other
+    live_relight.update()
+    assert live_relight.problem(scene) == ""
+    assert light() == pytest.approx(before * 0.5 / (1 - np.array(RED)), rel=0.03)
+    image = item["radiosity_lightmaps"]
+    bpy.ops.radiosity.preview()
+    assert item.material_slots[0].material != other
+    live_relight.update()
+    assert item["radiosity_lightmaps"] == image
+
+
+def test_a_relight_in_a_windows_parts_is_the_relight_at_once(room):
+    # The room painted, the work in parts and a thread. Exact answer: the image of the relight at once, to the bit; Esc
+    # in its middle leaves the image that was.
+    bpy.ops.radiosity.bake()
+    paint(room, RED)
+    relight()
+    scene, item = bpy.context.scene, bpy.data.objects["Room"]
+    expected, request = light(), relight_request(scene, Namespace())
+    job = RelightJob(request, scene, bpy.context.view_layer)
+    try:
+        whole(job.exporting(1e-6))
+        job.start()
+        assert job.finish().exit_code == 0
+    finally:
+        job.close()
+    assert (light() == expected).all()
+    image = item["radiosity_lightmaps"]
+    job = RelightJob(request, scene, bpy.context.view_layer)
+    try:
+        job.export()
+        job.cancel()
+        job.start()
+        with pytest.raises(Cancelled):
+            job.finish()
+    finally:
+        job.close()
+    assert item["radiosity_lightmaps"] == image
+    assert Job.current is None
+
+
+def test_live_waits_for_what_is_on_its_way(room):
+    # The lamp changed while a bake runs, then while a relight of Live's own does. Exact answer: asked for again a
+    # moment later, both times; the relight, which shows what is old already, is told to end.
+    bpy.ops.radiosity.bake()
+    scene = bpy.context.scene
+    scene.radiosity.live_relight = True
+    bpy.data.lights["Lamp"].energy = 20.0
+    request = relight_request(scene, Namespace())
+    for kind, ends in ((Job, False), (partial(RelightJob, live=True), True)):
+        job = kind(request, scene, bpy.context.view_layer)
+        try:
+            assert live_relight.update() == live_relight.PAUSE
+            if ends:
+                with pytest.raises(Cancelled):
+                    job.refuse_cancelled()
+            else:
+                job.refuse_cancelled()
+        finally:
+            job.close()
+    before = light()
+    assert live_relight.update() is None
+    assert light() == pytest.approx(before / 2, rel=0.01)
 
 
 def test_the_baked_look_is_no_other_material(room):

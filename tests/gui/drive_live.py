@@ -2,15 +2,17 @@
 
 Started as `drive.py` is, with a job of tab, shots, settings, fingerprint and result. Its results: the longest times
 that the window did not answer, by what went on ("idle" is before any bake, "write" the end of one), and the longest of
-these that the extension itself had the window's thread work, in one go; seconds to the first look, and from Esc to the
-end; how the file differs afterwards; what the report says of a kept draft. At the end Blender is quit in the middle of
-a bake.
+these that the extension itself had the window's thread work, in one go; seconds to the first look, and of all threads
+of Python's in that time; seconds from Esc to the end; how the file differs afterwards; what the report says of a kept
+draft. At the end Blender is quit in the middle of a bake. With "short" in the job, one bake alone is watched, up to its
+work, then cancelled.
 """
 
 from __future__ import annotations
 
 import json
 import sys
+import threading
 import time
 import traceback
 from collections.abc import Callable, Iterator
@@ -30,6 +32,8 @@ TRIES = 3
 SHOWN = 3.0
 GAPS: dict[str, float] = {}
 OWN: dict[str, float] = {}
+# Seconds of threads that have ended, by kind, and of the window's thread in our code; times that a viewport was drawn.
+SPENT: dict[str, float] = {}
 
 
 def module(name: str) -> Any:
@@ -54,15 +58,40 @@ def time_own_calls() -> None:
                 result = call(*arguments)
             finally:
                 what = stage if result is None else "write"
-                OWN[what] = max(OWN.get(what, 0.0), time.thread_time() - begun)
+                taken = time.thread_time() - begun
+                OWN[what] = max(OWN.get(what, 0.0), taken)
+                SPENT["window"] = SPENT.get("window", 0.0) + taken
             return result
 
         return with_clock
 
     bake._tick = timed(bake._tick, "")
     overlay.detach()
-    overlay._draw = timed(overlay._draw, "draw")
+    overlay._draw = counted(timed(overlay._draw, "draw"))
     overlay.attach()
+
+
+def counted(call: Callable[..., Any]) -> Callable[..., Any]:
+    """Note how often a 3D viewport is drawn."""
+    def with_count(*arguments: Any) -> Any:
+        SPENT["drawn"] = SPENT.get("drawn", 0.0) + 1
+        return call(*arguments)
+
+    return with_count
+
+
+def time_threads() -> None:
+    """Note the seconds of all threads that Python starts from now on."""
+    run = threading.Thread.run
+
+    def with_clock(self: threading.Thread) -> None:
+        begun = time.thread_time()
+        try:
+            run(self)
+        finally:
+            SPENT[self.name.split("-")[0]] = SPENT.get(self.name.split("-")[0], 0.0) + time.thread_time() - begun
+
+    threading.Thread.run = with_clock  # type: ignore[method-assign]
 
 
 def title() -> str:
@@ -107,14 +136,21 @@ def differences(before: Any) -> list[str]:
 
 def cancelled(before: Any) -> Iterator[float]:
     """Watch a bake up to its first draft, then press Esc."""
+    SPENT.clear()
     yield from start()
     yield from watch(lambda: title() != "")
-    drive.SEEN["seconds_to_look"] = current().progress.elapsed
+    drive.SEEN["seconds_to_look"], drive.SEEN["spent_to_look"] = current().progress.elapsed, dict(SPENT)
     yield SHOWN
-    yield from drive.shot("live-1-first-look")
-    yield from watch(lambda: title().startswith("error"))
-    yield SHOWN
-    yield from drive.shot("live-2-draft")
+    yield from drive.shot("large-1-first-look" if drive.JOB.get("short") else "live-1-first-look")
+    if drive.JOB.get("short"):
+        yield from watch(lambda: current().progress.stage == "draft")
+    else:
+        yield from watch(lambda: title().startswith("error"))
+        yield SHOWN
+        yield from drive.shot("live-2-draft")
+        yield from watch(lambda: title() == "error 0.06")
+        yield SHOWN
+        yield from drive.shot("live-3-finer")
     window, _, _ = drive.sidebar()
     pressed = time.monotonic()
     window.event_simulate("ESC", "PRESS")
@@ -130,7 +166,7 @@ def kept(before: Any) -> Iterator[float]:
     yield from watch(lambda: title().startswith("error"))
     yield from drive.press_button("radiosity.good_enough")
     yield from watch(lambda: current() is None)
-    yield from drive.shot("live-3-kept")
+    yield from drive.shot("live-4-kept")
     report = json.loads((Path(bpy.data.filepath).parent / "lightmaps" / "report.json").read_text(encoding="utf-8"))
     drive.SEEN["report"] = {name: report.get(name) for name in ("error", "good_enough", "outputs", "stages")}
     drive.SEEN["after_keep"] = differences(before)
@@ -153,6 +189,7 @@ def steps() -> Iterator[float]:
     for name, value in drive.JOB["settings"].items():
         setattr(bpy.context.scene.radiosity, name, value)
     time_own_calls()
+    time_threads()
     yield from drive.open_tab(drive.JOB["tab"])
     yield from drive.view_camera()
     over = time.monotonic() + IDLE
@@ -160,6 +197,8 @@ def steps() -> Iterator[float]:
     bpy.ops.ed.undo_push(message="before")
     before = drive.load(drive.JOB["fingerprint"]).fingerprint()
     yield from cancelled(before)
+    if drive.JOB.get("short"):
+        return
     yield from kept(before)
     yield from loaded_meanwhile()
     yield from start()

@@ -1,0 +1,110 @@
+"""What all operators share that work beside the user: a job in the window, looked after by a timer."""
+
+from __future__ import annotations
+
+import time
+from typing import Any
+
+from ..radiosity_addon.job import Job
+from ..radiosity_addon.look import Look
+from ..radiosity_addon.parts import Parts, some
+from ..solver.errors import Cancelled, RadiosityError
+from .status import redraw_views, show_status
+
+# Seconds between two looks at the work, and between two changes of what is told of it.
+TICK, TOLD = 0.02, 0.1
+
+
+class Working:
+    """A part of an operator: `_begin` from its `invoke`, and `_tell` what came of the job."""
+
+    # What the status bar calls the work.
+    doing = "Radiosity"
+
+    def _begin(self, context: Any, job: Job) -> set[str]:
+        self._job = job
+        self._parts: Parts[Any] | None = job.exporting()
+        self._look: Look | None = None
+        self._told = 0.0
+        manager = context.window_manager
+        manager.progress_begin(0, 100)
+        self._timer = manager.event_timer_add(TICK, window=context.window)
+        manager.modal_handler_add(self)
+        redraw_views(context)
+        return {"RUNNING_MODAL"}
+
+    def modal(self, context: Any, event: Any) -> set[str]:
+        """Read the scene part by part, show how far the worker is, write the results part by part; Esc cancels."""
+        if event.type == "ESC" and event.value == "PRESS":
+            self._give_up(context)
+            return {"RUNNING_MODAL"}
+        if event.type != "TIMER":
+            # Nobody changes the scene while it is read or written to.
+            return {"PASS_THROUGH"} if self._parts is None else {"RUNNING_MODAL"}
+        try:
+            outcome = self._tick(context)
+        except RadiosityError as error:
+            self._end(context)
+            return self._failed(error)
+        except BaseException:
+            self._end(context)
+            raise
+        if outcome is None:
+            return {"PASS_THROUGH"}
+        self._end(context)
+        return self._tell(outcome)
+
+    def _give_up(self, context: Any) -> None:
+        """Esc was pressed."""
+        self._job.cancel()
+
+    def _tick(self, context: Any) -> Any:
+        """One step of the work that is Blender's thread's; what came of the job, at its end."""
+        self._tell_progress(context)
+        if self._job.look is not self._look:
+            self._look = self._job.look
+            redraw_views(context)
+        if self._parts is None:
+            if not self._job.is_done:
+                return None
+            self._parts = self._job.finishing()
+        elif not self._job.is_baked:
+            self._job.refuse_cancelled()
+        try:
+            some(self._parts)
+        except StopIteration as end:
+            self._parts = None
+            if end.value is None:
+                self._job.start()
+            return end.value
+        return None
+
+    def _tell_progress(self, context: Any) -> None:
+        """In the status bar and the panels, now and then."""
+        now = time.monotonic()
+        if now - self._told >= TOLD:
+            self._told = now
+            progress = self._job.progress
+            context.window_manager.progress_update(round(progress.fraction * 100))
+            show_status(context, f"{self.doing} {progress.line()} (Esc cancels)")
+
+    def cancel(self, context: Any) -> None:
+        """Blender ends the operator: a file is loaded, or the window closed."""
+        self._end(context)
+
+    def _end(self, context: Any) -> None:
+        if self._parts is not None:
+            self._job.cancel()
+            self._parts.close()
+        self._job.close()
+        context.window_manager.event_timer_remove(self._timer)
+        context.window_manager.progress_end()
+        show_status(context, None)
+        redraw_views(context)
+
+    def _failed(self, error: RadiosityError) -> set[str]:
+        self.report({"WARNING"} if isinstance(error, Cancelled) else {"ERROR"}, str(error))  # type: ignore[attr-defined]
+        return {"CANCELLED"}
+
+    def _tell(self, outcome: Any) -> set[str]:
+        raise NotImplementedError

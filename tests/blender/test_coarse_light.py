@@ -1,0 +1,82 @@
+"""The light of a first look: all bounces, on fronts and backs, against exact answers and the bake's own way."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+from radiosity import solver
+from radiosity.radiosity_addon.first_look import first_look
+from radiosity.solver.area_lamp import Area
+from radiosity.solver.bake import irradiance
+from radiosity.solver.scene import Scene, Surface
+from radiosity.solver.settings import Settings
+
+# A box of 2 m, two triangles a wall, whose fronts face inwards.
+CORNERS = 2.0 * np.array([[x, y, z] for z in (0, 1) for y in (0, 1) for x in (0, 1)])
+WALLS = [[0, 1, 2, 3], [4, 5, 6, 7], [0, 1, 4, 5], [2, 3, 6, 7], [0, 2, 4, 6], [1, 3, 5, 7]]
+
+
+def inwards(corners: np.ndarray) -> np.ndarray:
+    """(t,) whether triangles (t, 3, 3) face the middle of the box."""
+    normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    return np.asarray(np.einsum("ij,ij->i", normals, 1.0 - corners.mean(axis=1)) > 0)
+
+
+BOX = [corners for wall in WALLS for corners in ([wall[0], wall[1], wall[2]], [wall[1], wall[3], wall[2]])]
+BOX = [corners if facing else corners[::-1] for corners, facing in zip(BOX, inwards(CORNERS[BOX]), strict=True)]
+
+
+def box(triangles: list[list[int]] = BOX, **more: object) -> Scene:
+    return Scene(vertices=CORNERS, triangles=np.array(triangles), **more)
+
+
+def look_at(scene: Scene, settings: Settings | None = None):
+    return first_look(scene, settings or Settings(), lambda: False)
+
+
+@pytest.mark.parametrize(("passes", "exact"), [("both", 5.0), ("direct", 1.0), ("indirect", 4.0)])
+def test_a_furnace_has_the_same_light_everywhere(passes, exact):
+    # A closed box, every wall of reflectance .8 and exitance 1. Exact answer: H = 1 / (1 - .8) everywhere; of that 1
+    # comes straight.
+    look = look_at(box(reflectance=0.8, emission=1.0), Settings(passes=passes))
+    assert look.colour * math.pi / 0.8 == pytest.approx(exact, rel=2e-3)
+    assert look.glow == pytest.approx(1 / math.pi)
+
+
+def test_backs_reflect_too():
+    # The furnace with every other wall turned round: fronts that face outwards see a black sky. Exact answer: as in the
+    # furnace on the fronts that face inwards, nothing on the others.
+    turned = [corners if index % 4 < 2 else corners[::-1] for index, corners in enumerate(BOX)]
+    look = look_at(box(turned, reflectance=0.5, emission=1.0))
+    facing = inwards(look.corners)
+    assert look.colour[facing] * math.pi / 0.5 == pytest.approx(2.0, rel=2e-3)
+    assert look.colour[~facing] == pytest.approx(0.0)
+
+
+def test_a_room_with_a_lamp_looks_as_it_will_be_baked():
+    # A box with a lamp of .5 m under its ceiling. No closed form; against the bake's own way at the same places: the
+    # mean to 3 %, each place to 10 % of it (RMS).
+    lamp = Area("lamp", np.array([1.0, 1.0, 1.9]), np.array([0.5, 0, 0]), np.array([0, -0.5, 0]), np.full(3, 10.0))
+    room = box(reflectance=0.6, lights=(lamp,))
+    look = look_at(room)
+    points = look.corners.mean(axis=1)
+    normals = np.cross(look.corners[:, 1] - look.corners[:, 0], look.corners[:, 2] - look.corners[:, 0])
+    expected = irradiance(room, Settings(error=0.03), points, normals)[:, 0]
+    found = look.colour.mean(axis=(1, 2)) * math.pi / 0.6
+    assert found.mean() == pytest.approx(expected.mean(), rel=0.03)
+    assert np.sqrt(((found - expected) ** 2).mean()) < 0.1 * expected.mean()
+
+
+def test_what_is_not_baked_reflects_but_is_not_shown():
+    # The furnace of which one wall alone is baked. Exact answer: its light is that of the whole furnace.
+    walls = (Surface("wall", 0, 2), Surface("others", 2, 10, receives=False))
+    look = look_at(box(reflectance=0.5, emission=1.0, surfaces=walls))
+    assert (look.corners[:, :, 2] == 0).all()
+    assert look.colour * math.pi / 0.5 == pytest.approx(2.0, rel=2e-3)
+
+
+def test_a_scene_without_light_is_refused():
+    with pytest.raises(solver.errors.NothingToBake, match="no light"):
+        look_at(box())

@@ -1,0 +1,65 @@
+"""A watched bake of a large scene, by mouse in the real Blender's window: what it keeps from the user, how long.
+
+The machine that runs this may do other work, so what is asserted is the time of threads; the clock's is printed.
+"""
+
+from __future__ import annotations
+
+import json
+import shutil
+from pathlib import Path
+from typing import Any
+
+import pytest
+from radiosity.tests.gui.test_live_window import LONGEST_CALL, LONGEST_CANCEL, LONGEST_DRAW, TOLD
+from radiosity.tests.gui.test_window import HERE, SCREEN, SHOTS, WINDOW, blender
+from radiosity.tools import real_blender as real_blender_tool
+
+pytestmark = [pytest.mark.slow, pytest.mark.timeout(900)]
+SCENE = Path(__file__).resolve().parents[3] / "shared" / "scenes" / "classroom" / "classroom.blend"
+# Seconds, of all threads together, from the button to a first coarse light on every surface.
+LOOK = 2.0
+
+
+@pytest.fixture(scope="module")
+def seen(linux_zip: Path, tmp_path_factory: pytest.TempPathFactory, real_blender: None) -> dict[str, Any]:
+    """One bake of classroom (103,830 triangles, a sky texture), cancelled where the worker works."""
+    if not SCENE.is_file():
+        pytest.skip(f"no scene at {SCENE}")
+    folder = tmp_path_factory.mktemp("large")
+    resources, scene, result = folder / "resources", folder / "classroom.blend", folder / "seen.json"
+    resources.mkdir()
+    SHOTS.mkdir(parents=True, exist_ok=True)
+    shutil.copyfile(SCENE, scene)
+    blender(resources, "--command", "extension", "install-file", "-r", "user_default", "-e", linux_zip)
+    job = {"tab": "Radiosity", "shots": str(SHOTS), "result": str(result), "short": True,
+           "settings": {"preset": "medium", "resolution": 512},
+           "fingerprint": str(HERE.parent / "blender" / "fingerprint.py")}
+    done = real_blender_tool.run([*WINDOW, str(scene), "--python", str(HERE / "drive_live.py")], resources,
+                                 timeout=780, program=SCREEN, extra={"DRIVE_JOB": json.dumps(job)})
+    assert result.is_file(), done.stdout
+    told = json.loads(result.read_text(encoding="utf-8"))
+    print({name: told["seen"].get(name) for name in TOLD})
+    assert told["error"] == "", done.stdout
+    assert "Traceback" not in done.stdout, done.stdout
+    return dict(told["seen"])
+
+
+def test_the_window_is_never_kept_for_long(seen: dict[str, Any]) -> None:
+    # Every call of ours in the window's thread, reading included, in seconds of that thread.
+    assert {"export", "draft", "draw"} <= set(seen["own"])
+    late = {what: seconds for what, seconds in seen["own"].items()
+            if seconds > (LONGEST_DRAW if what == "draw" else LONGEST_CALL)}
+    assert late == {}
+
+
+def test_the_whole_scene_is_shown_within_two_seconds_of_work(seen: dict[str, Any]) -> None:
+    # From the button to the first look, all threads of Python's one after another: what a machine with one idle core
+    # would need. Drawing, which is software here, is not in it.
+    assert sum(seconds for what, seconds in seen["spent_to_look"].items() if what != "drawn") < LOOK
+
+
+def test_esc_ends_a_large_bake_within_a_second(seen: dict[str, Any]) -> None:
+    # On a busy machine the window is late by itself; that is no time of the bake's.
+    assert seen["seconds_to_cancel"] < LONGEST_CANCEL + seen["gaps"]["idle"]
+    assert seen["after_cancel"] == []
