@@ -4,8 +4,9 @@
     python benchmarks/chart.py --scenes cornell --programs ours cycles oidn --output out/chart
     python benchmarks/chart.py --draw                             draw the tables that are there
 
-Writes accuracy.csv and accuracy.png (lightmaps), form_factors.csv and form_factors.png (single form factors). Other
-people's programs are installed first, in an environment of their own (.venv-peers); docs/peers.md tells of them.
+Writes accuracy.csv, accuracy.png and the tables of accuracy.md (lightmaps), form_factors.csv and form_factors.png
+(single form factors). Other people's programs are installed first, in an environment of their own (.venv-peers);
+docs/peers.md tells of them.
 """
 
 from __future__ import annotations
@@ -17,6 +18,8 @@ import subprocess
 import sys
 from pathlib import Path
 from typing import Any
+
+from radiosity.benchmarks.accuracy_page import rows_of, with_tables
 
 ROOT = Path(__file__).resolve().parents[1]
 SCENES = ("cornell", "classroom", "living-room", "truck_town", "pandora")
@@ -113,6 +116,9 @@ def draw(output: Path) -> list[Path]:
     if (output / "accuracy.csv").is_file():
         draw_bakes(output / "accuracy.csv", output / "accuracy.png")
         made.append(output / "accuracy.png")
+        page = output / "accuracy.md"
+        if page.is_file():
+            page.write_text(with_tables(page.read_text(), rows_of(output / "accuracy.csv")))
     if (output / "form_factors.csv").is_file():
         picture = output / "form_factors.png"
         if run("radiosity.benchmarks.form_factors.picture", str(output / "form_factors.csv"), str(picture)):

@@ -151,7 +151,8 @@ def score(ours: Float, first: Float, second: Float, fraction: float = TRIMMED_FR
         mean=mean,
         rms=_root(square) / mean,
         rms_low=_root(square - INTERVAL * square_error) / mean,
-        rms_high=_root(square + INTERVAL * square_error) / mean,
+        # No square is below zero: where it comes out there, chance made it so.
+        rms_high=_root(max(square, 0.0) + INTERVAL * square_error) / mean,
         p95=p95 / mean,
         p95_noise=p95_noise / mean,
         p95_clean=_root(p95**2 - p95_noise**2) / mean,

@@ -26,7 +26,7 @@ from .environment import PeerError
 
 Float = NDArray[np.floating[Any]]
 
-ERRORS = (0.1, 0.03)
+ERRORS = (0.1, 0.03, 0.01)
 CYCLES_SAMPLES = (16, 64, 256)
 # A renderer's own knob, samples a lumel.
 MITSUBA_SAMPLES = (16, 64, 256)
