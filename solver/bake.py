@@ -44,7 +44,7 @@ from .parallel import Run
 from .patches import Patches
 from .path_keeper import PathKeeper, rays_kept
 from .paths import Paths
-from .plan import AUDIT_LUMELS, audit_paths, plan
+from .plan import AUDIT_LUMELS, MOST_ROW_RAYS, audit_paths, plan
 from .probes import free_receivers, probes, triangle_middles
 from .quantities import encode
 from .receivers import Receivers
@@ -72,6 +72,9 @@ REFINE_SHARE = 3.0
 # Where the triangles that the receivers see have no more cells than this, all of them take part, met or not, and the
 # energy adds up over whole surfaces.
 COMPLETE_CELLS = 2**18
+# All rows are traced anew, with MORE_RAYS times the rays, while their noise shifts the mean light by more than this
+# part of the wanted error; so often at most.
+LEVEL_SHARE, MORE_RAYS, MOST_RETRACED = 0.15, 4, 2
 # Residuals of the linear system that are small enough to see where to split patches, and at the end.
 ROUGH, TOLERANCE = 1e-2, 1e-5
 # The audit's random numbers start here, so that it shares none with the bake.
@@ -137,6 +140,16 @@ class _Work:
             transport.discover(rays)
         with self.stages("solve"):
             self.linear = transport.solve(ROUGH)
+        for _ in range(MOST_RETRACED):
+            level = self.lamps + looks.straight + float(transport.leaving()[self.seen].mean())
+            noise = transport.level_noise(self._seen_share(transport)) / max(level, 1e-30)
+            if noise <= LEVEL_SHARE * self.settings.error or rays * MORE_RAYS > MOST_ROW_RAYS:
+                break
+            rays *= MORE_RAYS
+            with self.stages("form factors"):
+                transport.retrace(rays)
+            with self.stages("solve"):
+                self.linear = transport.solve(ROUGH)
         for _ in range(MOST_REFINEMENTS):
             with self.stages("refine"):
                 if not transport.refine(*self._refinement(transport)):
@@ -153,13 +166,23 @@ class _Work:
 
     def _refinement(self, transport: Transport) -> tuple[float, Float]:
         """How far a patch's eighths may differ, and what such a difference matters: its share of what rays meet."""
+        level = float(transport.leaving().mean(axis=1)[self.seen].mean())
+        tolerance = REFINE_SHARE * self.settings.error * level / np.sqrt(max(self.plan.patches, 1))
+        reflectance = self._reflectance(transport)
+        return tolerance, np.sqrt(self._seen_share(transport) * reflectance)
+
+    def _seen_share(self, transport: Transport) -> Float:
+        """(p,) the share of the receivers' rays that meet each patch, times what it reflects."""
         patch = transport.cell_patch[self.seen[self.seen >= 0]]
         share = np.bincount(patch, minlength=len(transport.patches)) / max(len(self.seen), 1)
-        level = float(transport.leaving().mean(axis=1)[self.seen].mean())
-        reflectance = np.bincount(transport.cell_patch, transport.cell_reflectance.mean(axis=1), len(transport.patches))
-        reflectance = reflectance / np.maximum(np.bincount(transport.cell_patch, minlength=len(transport.patches)), 1)
-        tolerance = REFINE_SHARE * self.settings.error * level / np.sqrt(max(self.plan.patches, 1))
-        return tolerance, np.sqrt(share) * reflectance
+        return np.asarray(share * self._reflectance(transport))
+
+    @staticmethod
+    def _reflectance(transport: Transport) -> Float:
+        """(p,) mean reflectance of each patch."""
+        count = len(transport.patches)
+        total = np.bincount(transport.cell_patch, transport.cell_reflectance.mean(axis=1), count)
+        return np.asarray(total / np.maximum(np.bincount(transport.cell_patch, minlength=count), 1))
 
     def light(self, receivers: Receivers, near: Neighbours | None = None) -> tuple[Float, Float]:
         """Direct (with the sky's and gathered emitters') and indirect irradiance of receivers: (n, 3) each, W/m2."""

@@ -52,9 +52,7 @@ class Rows:
 
         table : (cells + 1,) float32, the radiosity of cells, mean of the channels.
         """
-        value = np.take(table, self.hits)
-        if self.sky is not None:
-            value = value + (self.sky[..., 0] + self.sky[..., 1] + self.sky[..., 2]) / np.float32(3)
+        value = self._brought(table)
         count = len(self.patch)
         group = (np.arange(count)[:, None] * 8 + self.part).reshape(-1)
         number = np.bincount(group, minlength=count * 8).reshape(-1, 8)
@@ -69,3 +67,15 @@ class Rows:
         # One-way analysis of variance: without a difference, `between` is `inside` times F(groups, rays) about 1.
         excess = np.maximum(between - NOISE_LEVEL * inside, 0)
         return np.asarray(np.sqrt(excess * groups / number.sum(axis=1)))
+
+    def sums(self, table: Float) -> tuple[Float, Float]:
+        """(p,) irradiance of each row, mean of the channels, W/m2; and its variance, were its rays random."""
+        value = self._brought(table)
+        return value.mean(axis=1), value.var(axis=1) / value.shape[1]
+
+    def _brought(self, table: Float) -> Float:
+        """(p, rays) what each ray brings, mean of the channels, W/m2."""
+        value = np.take(table, self.hits)
+        if self.sky is None:
+            return value
+        return np.asarray(value + (self.sky[..., 0] + self.sky[..., 1] + self.sky[..., 2]) / np.float32(3))

@@ -295,6 +295,32 @@ class Transport:
             self._unsettle()
         return int(chosen.sum())
 
+    def level_noise(self, weight: Float) -> float:
+        """About the standard deviation that the rows' noise gives a mean of the patches' irradiance, W/m2.
+
+        All receivers see the same patches: what their rows err by shifts the light of all, and no neighbour tells. Each
+        row's own error goes on by reflection, as the light of the first bounce does.
+
+        Parameters
+        ----------
+        weight : (p,) of each patch in that mean.
+        """
+        leaving, direct = (np.ascontiguousarray(table.mean(axis=1))
+                           for table in (self.leaving(), padded(self.cell_direct)[:, :3]))
+        variance = whole = first = 0.0
+        for rows in self.rows:
+            own = weight[rows.patch]
+            value, noise = rows.sums(leaving)
+            variance += float((own**2 * noise).sum())
+            whole += float((own * value).sum())
+            first += float((own * rows.sums(direct)[0]).sum())
+        return float(np.sqrt(variance)) * whole / max(first, 1e-30)
+
+    def retrace(self, rays: int) -> None:
+        """Trace all rows anew."""
+        self.rows = []
+        self.discover(rays)
+
     def solve(self, tolerance: float) -> LinearResult:
         """Solve H = q + F (rho H) to a relative residual; patches without a row count as black until `late`."""
         count = len(self.patches)

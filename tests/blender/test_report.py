@@ -73,7 +73,7 @@ def test_a_log_gets_one_line_a_stage_with_per_cent() -> None:
         progress("gather", part)
         terminal.show()
     terminal.close()
-    assert log.getvalue() == "gather:  30%\n"
+    assert log.getvalue() == "gather: 30%\n"
 
 
 def test_time_left_is_minutes_and_seconds() -> None:
