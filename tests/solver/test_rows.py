@@ -8,7 +8,7 @@ from radiosity.solver.rows import Rows
 
 
 def test_a_row_brings_the_mean_of_its_rays_and_errs_by_their_spread():
-    # Cells of radiosity 1 and 3 and the sky of 5 (channels 3, 5, 7): rows (1, 3, 1, 3) and (1, 1, 1, sky). Means 2 and 2,
+    # Cells of radiosity 1 and 3 and a sky of 5 (channels 3, 5, 7): rows (1, 3, 1, 3) and (1, 1, 1, sky). Means 2 and 2,
     # variances 1 and 3 over four rays.
     hits = np.array([[0, 1, 0, 1], [0, 0, 0, -1]], np.int32)
     sky = np.zeros((2, 4, 3), np.float32)
