@@ -12,14 +12,13 @@ docs/peers.md tells of them.
 from __future__ import annotations
 
 import argparse
-import csv
 import os
 import subprocess
 import sys
 from pathlib import Path
 from typing import Any
 
-from radiosity.benchmarks.accuracy_page import rows_of, with_tables
+from radiosity.benchmarks.accuracy_page import points, rows_of, with_tables
 
 ROOT = Path(__file__).resolve().parents[1]
 SCENES = ("cornell", "classroom", "living-room", "truck_town", "pandora")
@@ -70,8 +69,7 @@ def draw_bakes(table: Path, picture: Path) -> None:
     matplotlib.use("Agg")
     import matplotlib.pyplot as plt
 
-    with table.open(newline="") as file:
-        rows = list(csv.DictReader(file))
+    rows = rows_of(table)
     scenes = list(dict.fromkeys(row["scene"] for row in rows))
     columns = min(COLUMNS, len(scenes))
     lines = -(-len(scenes) // columns)
@@ -79,10 +77,9 @@ def draw_bakes(table: Path, picture: Path) -> None:
                                 layout="constrained")
     for axis, scene in zip(axes.flat, scenes, strict=False):
         for program, (colour, style) in STYLES.items():
-            points = sorted((float(row["seconds"]), 100 * float(row["rms"])) for row in rows
-                            if (row["scene"], row["program"]) == (scene, program))
-            if points:
-                axis.loglog(*zip(*points, strict=True), style, color=colour, label=program)
+            curve = sorted((seconds, 100 * error) for error, seconds in points(rows, scene, (program,)))
+            if curve:
+                axis.loglog(*zip(*curve, strict=True), style, color=colour, label=program)
         axis.set_title(scene)
         axis.set_xlabel("seconds (wall clock)")
         axis.grid(True, which="both", alpha=0.3)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 
 import pytest
-from radiosity.benchmarks.accuracy_page import cycles_seconds, factors, levels_table, seconds_to, with_tables
+from radiosity.benchmarks.accuracy_page import cycles_seconds, factors, levels_table, points, seconds_to, with_tables
 
 
 def _row(program, knob, seconds, rms):
@@ -37,6 +37,12 @@ def test_errors_that_nobody_reached_are_told():
     table = levels_table(ROWS)
     assert "| box | 1 % | 8.0 s | not reached | 321.0 s (40.1 times ours) |" in table
     assert "| box | 5 % | 2.0 s | 5.0 s (2.5 times ours) |" in table
+
+
+def test_an_error_that_noise_hides_counts_as_the_most_that_it_may_be():
+    # RMS 0 with an interval up to 2 %.
+    hidden = {**_row("ours", 0.01, 9, 0.0), "rms_high": "0.02"}
+    assert points([hidden], "box", ("ours",)) == [(0.02, 9.0)]
 
 
 def test_tables_are_replaced_and_the_text_stays():
