@@ -33,7 +33,7 @@ def scene(linux_zip: Path, tmp_path: Path) -> Path:
 def test_a_click_bakes_a_furnace_made_by_nodes(scene: Path, tmp_path: Path) -> None:
     # Exact answer: 2 at every lumel.
     baked, result, values = (tmp_path / name for name in ("baked.blend", "seen.json", "values.json"))
-    job = {"tab": "Radiosity", "operator": "radiosity.bake", "shots": str(tmp_path), "save": str(baked),
+    job = {"tab": "Radiosity", "visit": [["press", "radiosity.bake"], ["save", str(baked)]], "shots": str(tmp_path),
            "result": str(result), "settings": {"preset": "draft", "resolution": 64}}
     done = real_blender.run([*WINDOW, str(scene), "--python", str(HERE / "drive.py")], tmp_path / "resources",
                             timeout=420, program=SCREEN, extra={"DRIVE_JOB": json.dumps(job)})
