@@ -141,7 +141,7 @@ class _Work:
         with self.stages("solve"):
             self.linear = transport.solve(ROUGH)
         for _ in range(MOST_RETRACED):
-            level = self.lamps + looks.straight + float(transport.leaving()[self.seen].mean())
+            level = self.lamps + looks.straight + self._seen_light(transport)
             noise = transport.level_noise(self._seen_share(transport)) / max(level, 1e-30)
             if noise <= LEVEL_SHARE * self.settings.error or rays * MORE_RAYS > MOST_ROW_RAYS:
                 break
@@ -161,15 +161,19 @@ class _Work:
             self.linear = transport.solve(TOLERANCE)
             transport.solve_apart(TOLERANCE)
         refuse_singular(self.linear, self.scene)
-        self.usual = looks.straight + float(transport.leaving()[self.seen].mean())
+        self.usual = looks.straight + self._seen_light(transport)
         return transport
 
     def _refinement(self, transport: Transport) -> tuple[float, Float]:
         """How far a patch's eighths may differ, and what such a difference matters: its share of what rays meet."""
-        level = float(transport.leaving().mean(axis=1)[self.seen].mean())
+        level = self._seen_light(transport)
         tolerance = REFINE_SHARE * self.settings.error * level / np.sqrt(max(self.plan.patches, 1))
         reflectance = self._reflectance(transport)
         return tolerance, np.sqrt(self._seen_share(transport) * reflectance)
+
+    def _seen_light(self, transport: Transport) -> float:
+        """Mean radiosity that the receivers' rays meet, the sky's rays counted as dark, W/m2."""
+        return float(transport.leaving().mean(axis=1)[self.seen].mean())
 
     def _seen_share(self, transport: Transport) -> Float:
         """(p,) the share of the receivers' rays that meet each patch, times what it reflects."""

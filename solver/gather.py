@@ -4,9 +4,8 @@
 
 Where we leave the textbook:
 
-1. Where most rays meet something nearer than its patch is wide (the gap behind a board, the
-   inside of a drawer), the patches' means say little. There, rays go on, bounce by bounce, until they ask a patch from
-   afar.
+1. Where most rays meet something nearer than its patch is wide (the gap behind a board, the inside of a drawer), the
+   patches' means say little. There, rays go on, bounce by bounce, until they ask a patch from afar.
 2. What a ray brings beyond `peak` is kept apart: few rays meet a strip of ceiling right over a lamp, and a receiver
    that happens to has a speckle. Both parts are smoothed, each by its own noise, and add up to the whole.
 """
@@ -165,9 +164,8 @@ class Gather:
         """(2, n, 3) the sky's irradiance of each receiver."""
         sky = met.sky if lit is None else met.sky * lit[met.missed, None]
         high, over = self._peaks(met.sky)
-        mean, peaks = (_mean_of(sky[some] * part, met.missed[some], look)
-                       for some, part in ((slice(None), np.float32(1)), (high, over[:, None])))
-        return np.stack([mean - peaks, peaks])
+        peaks = _mean_of(sky[high] * over[:, None], met.missed[high], look)
+        return np.stack([_mean_of(sky, met.missed, look) - peaks, peaks])
 
     def _peaks(self, light: Float) -> tuple[Int, Float]:
         """Which of rays that bring `light` (n, 3 or 4) have a peak, and which part of it that is."""

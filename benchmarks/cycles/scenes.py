@@ -86,8 +86,8 @@ CASES = {
         ),
         Case(
             "living-room",
-            # The cupboard obj_37 gets no lumels: it is all but closed and white (reflectance 1) inside, where Cycles at
-            # 64 bounces finds a fifth of our light, and 70 % at 1,024 bounces.
+            # The cupboard obj_37 gets no lumels: it is all but closed and white (reflectance 1) inside: light goes
+            # on for far more than the 64 bounces at which Cycles stops.
             ("obj_33", "obj_32", "obj_31", "obj_36", "obj_34", "obj_62", "obj_25"),
             density={"obj_62": 3.0, "obj_25": 2.0},
             why="a room lit by an HDR environment through windows; walls, floor, ceiling, sofa, mouldings, table",

@@ -5,15 +5,12 @@ The machine that runs this may do other work, so what is asserted is the time of
 
 from __future__ import annotations
 
-import json
 import shutil
 from pathlib import Path
 from typing import Any
 
 import pytest
-from radiosity.tests.gui.test_live_window import LONGEST_CALL, LONGEST_CANCEL, LONGEST_DRAW, TOLD
-from radiosity.tests.gui.test_window import HERE, SCREEN, SHOTS, WINDOW, blender
-from radiosity.tools import real_blender as real_blender_tool
+from radiosity.tests.gui.test_live_window import LONGEST_CALL, LONGEST_CANCEL, LONGEST_DRAW, installed, watch
 
 pytestmark = [pytest.mark.slow, pytest.mark.timeout(900)]
 SCENE = Path(__file__).resolve().parents[3] / "shared" / "scenes" / "classroom" / "classroom.blend"
@@ -27,22 +24,9 @@ def seen(linux_zip: Path, tmp_path_factory: pytest.TempPathFactory, real_blender
     if not SCENE.is_file():
         pytest.skip(f"no scene at {SCENE}")
     folder = tmp_path_factory.mktemp("large")
-    resources, scene, result = folder / "resources", folder / "classroom.blend", folder / "seen.json"
-    resources.mkdir()
-    SHOTS.mkdir(parents=True, exist_ok=True)
-    shutil.copyfile(SCENE, scene)
-    blender(resources, "--command", "extension", "install-file", "-r", "user_default", "-e", linux_zip)
-    job = {"tab": "Radiosity", "shots": str(SHOTS), "result": str(result), "short": True,
-           "settings": {"preset": "medium", "resolution": 512},
-           "fingerprint": str(HERE.parent / "blender" / "fingerprint.py")}
-    done = real_blender_tool.run([*WINDOW, str(scene), "--python", str(HERE / "drive_live.py")], resources,
-                                 timeout=780, program=SCREEN, extra={"DRIVE_JOB": json.dumps(job)})
-    assert result.is_file(), done.stdout
-    told = json.loads(result.read_text(encoding="utf-8"))
-    print({name: told["seen"].get(name) for name in TOLD})
-    assert told["error"] == "", done.stdout
-    assert "Traceback" not in done.stdout, done.stdout
-    return dict(told["seen"])
+    installed(folder, linux_zip)
+    scene = Path(shutil.copyfile(SCENE, folder / "classroom.blend"))
+    return watch(folder, scene, {"short": True, "settings": {"preset": "medium", "resolution": 512}})[0]
 
 
 def test_the_window_is_never_kept_for_long(seen: dict[str, Any]) -> None:

@@ -21,28 +21,41 @@ LONGEST_GAP = 3.0
 TOLD = ("gaps", "own", "seconds_to_look", "spent_to_look", "seconds_to_cancel")
 
 
-@pytest.fixture(scope="module")
-def seen(linux_zip: Path, tmp_path_factory: pytest.TempPathFactory, real_blender: None) -> dict[str, Any]:
-    """One visit for all tests (see `drive_live`): the example's Cornell box."""
-    folder = tmp_path_factory.mktemp("live")
-    resources, scene, result = folder / "resources", folder / "box.blend", folder / "seen.json"
-    resources.mkdir()
+def watch(folder: Path, scene: Path, job: dict[str, Any]) -> tuple[dict[str, Any], int]:
+    """Let `drive_live` visit a scene in a real Blender's window, where the extension is installed in `folder`; what it
+    saw, and Blender's exit code. `job` has what the driver is told beside paths."""
+    result = folder / "seen.json"
     SHOTS.mkdir(parents=True, exist_ok=True)
-    blender(resources, "--command", "extension", "install-file", "-r", "user_default", "-e", linux_zip)
-    blender(resources, "-b", "--factory-startup", "--python-exit-code", "3",
-            "--python", ROOT / "examples" / "cornell_box.py", "--", scene)
-    job = {"tab": "Radiosity", "shots": str(SHOTS), "result": str(result),
-           "settings": {"preset": "high", "resolution": 128},
-           "fingerprint": str(HERE.parent / "blender" / "fingerprint.py")}
-    done = real_blender_tool.run([*WINDOW, str(scene), "--python", str(HERE / "drive_live.py")], resources,
-                                 timeout=780, program=SCREEN, extra={"DRIVE_JOB": json.dumps(job)})
+    told_to = {"tab": "Radiosity", "shots": str(SHOTS), "result": str(result),
+               "fingerprint": str(HERE.parent / "blender" / "fingerprint.py"), **job}
+    done = real_blender_tool.run([*WINDOW, str(scene), "--python", str(HERE / "drive_live.py")], folder / "resources",
+                                 timeout=780, program=SCREEN, extra={"DRIVE_JOB": json.dumps(told_to)})
     assert result.is_file(), done.stdout
     told = json.loads(result.read_text(encoding="utf-8"))
     print({name: told["seen"].get(name) for name in TOLD})
     assert told["error"] == "", done.stdout
     assert "Traceback" not in done.stdout, done.stdout
-    assert done.returncode == 0, done.stdout
-    return dict(told["seen"])
+    return dict(told["seen"]), done.returncode
+
+
+def installed(folder: Path, linux_zip: Path) -> Path:
+    """The user's folder of a Blender that has the extension, in `folder`."""
+    resources = folder / "resources"
+    resources.mkdir()
+    blender(resources, "--command", "extension", "install-file", "-r", "user_default", "-e", linux_zip)
+    return resources
+
+
+@pytest.fixture(scope="module")
+def seen(linux_zip: Path, tmp_path_factory: pytest.TempPathFactory, real_blender: None) -> dict[str, Any]:
+    """One visit for all tests (see `drive_live`): the example's Cornell box."""
+    folder = tmp_path_factory.mktemp("live")
+    scene = folder / "box.blend"
+    blender(installed(folder, linux_zip), "-b", "--factory-startup", "--python-exit-code", "3",
+            "--python", ROOT / "examples" / "cornell_box.py", "--", scene)
+    found, code = watch(folder, scene, {"settings": {"preset": "high", "resolution": 128}})
+    assert code == 0
+    return found
 
 
 def test_the_window_answers_while_it_bakes(seen: dict[str, Any]) -> None:
