@@ -161,11 +161,18 @@ def cancelled(before: Any) -> Iterator[float]:
 
 
 def kept(before: Any) -> Iterator[float]:
-    """Press Good Enough at the first draft, then undo."""
+    """Press Good Enough once a draft is shown, then undo."""
     yield from start()
     yield from watch(lambda: title().startswith("error"))
     yield from drive.press_button("radiosity.good_enough")
-    yield from watch(lambda: current() is None)
+    titles: list[str] = []
+
+    def ended() -> bool:
+        titles.extend(filter(None, [title()]))
+        return current() is None
+
+    yield from watch(ended)
+    drive.SEEN["kept"] = titles[-1]
     yield from drive.shot("live-4-kept")
     report = json.loads((Path(bpy.data.filepath).parent / "lightmaps" / "report.json").read_text(encoding="utf-8"))
     drive.SEEN["report"] = {name: report.get(name) for name in ("error", "good_enough", "outputs", "stages")}
