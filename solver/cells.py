@@ -23,6 +23,8 @@ MAX_SIDES = 2**26
 # Finest grid along one side of a triangle.
 MAX_DIVISIONS = 2**14
 NOTHING = -1
+# The weights of the two corners after the widest (which is corner 0, 1 or 2), each as a product with (u, v, 1, 0).
+_AXES = np.array([[1, 0, 0, 0, 0, 1, 0, 0], [0, 1, 0, 0, -1, -1, 1, 0], [-1, -1, 1, 0, 1, 0, 0, 0]], np.float32)
 
 
 class Cells:
@@ -45,6 +47,10 @@ class Cells:
             size *= 1.25
         self.size = size
         self._base = np.concatenate([[0], np.cumsum(count)[:-1]]) * 2
+        # What a hit's cell follows from: its column and line are products of (u, v, 1) with a row of `_axes`.
+        self._axes = _AXES[self._first] * np.repeat(self._divisions, 4, axis=1).astype(np.float32)
+        self._grid = np.stack([self._base, self._divisions[:, 0] - 1, self._divisions[:, 1], self._divisions[:, 1] - 1],
+                              axis=1).astype(np.int32)
         # 0: not met; else row + 1. The last entry stands for NOTHING.
         self._row_of = np.zeros(int(count.sum()) * 2 + 1, np.int32)
         self._side = Growing((), np.int64)
@@ -59,17 +65,12 @@ class Cells:
 
     def sides(self, triangle: Int, u: Float, v: Float, front: NDArray[np.bool_]) -> NDArray[np.int64]:
         """The side of a cell that each hit lies on: (n,) int64; NOTHING where triangle is negative."""
-        met = triangle >= 0
-        safe = np.where(met, triangle, 0)
-        first = self._first[safe]
-        w = 1 - u - v
-        # Weights of the corners after the widest, in the triangle's own order.
-        a = np.where(first == 0, u, np.where(first == 1, v, w))
-        b = np.where(first == 0, v, np.where(first == 1, w, u))
-        divisions = self._divisions[safe]
-        i = np.clip((a * divisions[:, 0]).astype(np.int64), 0, divisions[:, 0] - 1)
-        j = np.clip((b * divisions[:, 1]).astype(np.int64), 0, divisions[:, 1] - 1)
-        return np.where(met, self._base[safe] + 2 * (i * divisions[:, 1] + j) + front, NOTHING)
+        # Where triangle is negative, this reads the last triangle's.
+        axes, grid = np.take(self._axes, triangle, axis=0), np.take(self._grid, triangle, axis=0)
+        i = (axes[:, 0] * u + axes[:, 1] * v + axes[:, 2]).astype(np.int32)
+        j = (axes[:, 4] * u + axes[:, 5] * v + axes[:, 6]).astype(np.int32)
+        cell = np.minimum(i, grid[:, 1]) * grid[:, 2] + np.minimum(j, grid[:, 3])
+        return np.where(triangle >= 0, grid[:, 0] + 2 * cell + front, np.int32(NOTHING)).astype(np.int64)
 
     def meet(self, sides: NDArray[np.int64]) -> slice:
         """Give rows to the sides that have none yet, in the order of their numbers; return the new rows."""

@@ -139,11 +139,14 @@ class Gather:
         passes = _passes([len(piece.rows) * piece.count for _, piece in pieces])
         for number, part in enumerate(passes):
             traced = run.map(lambda job: self._trace(fans, job[1]), pieces[part])
+            going = traced
             for bounce in range(MOST_BOUNCES):
-                self.transport.meet([rays.fresh for rays in traced])
+                self.transport.meet([rays.fresh for rays in going])
                 self.transport.late(LATE_RAYS)
-                step = _Step(self.transport, bounce)
-                run.map(step.follow, traced)
+                run.map(_Step(self.transport, bounce).follow, going)
+                going = [rays for rays in going if len(rays.going)]
+                if not going:
+                    break
             if self.transport.keeper is not None:
                 for rays in traced:
                     self.transport.keeper.take(rays.look, rays.lit, rays.trail)
