@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from .footprints import ReceiverFootprints
 from .receivers import Receivers
-from .sampling import cosine_directions, frames, kronecker, shifted, shifts
+from .sampling import cosine_directions, frames, interleaved, rays_of_places, shifted, shifts
 
 Float = NDArray[np.floating[Any]]
 Int = NDArray[np.integer[Any]]
@@ -48,6 +48,13 @@ class Fans:
         """Whose rays these are."""
         return self._places.receivers
 
+    def _shifts(self, rows: Int, seed: int) -> Float:
+        """(n, 4)"""
+        move = shifts(self._places.identity[rows], 4, seed)
+        if self.receivers.texel is not None:
+            move[:, :2] = interleaved(self.receivers.texel[rows], self._places.surface[rows], seed + 77)
+        return move
+
     def rays(self, rows: Int, count: int, seed: int, start: int = 0) -> tuple[Float, Float, Bool | None]:
         """Of each receiver of `rows`, `count` rays, from point `start` of the point set on.
 
@@ -56,8 +63,8 @@ class Fans:
         Origins and unit directions (n * count, 3) float32, and at which rays' starts light can arrive (n * count,)
         bool; None for all.
         """
-        points = kronecker(count, 4, start)
-        move = shifts(self._places.identity[rows], 4, seed)
+        points = rays_of_places(count, start)
+        move = self._shifts(rows, seed)
         local = self._planes.places(rows, shifted(points[:, 2], move[:, 2]), shifted(points[:, 3], move[:, 3]))
         origins = self._planes.points(rows, local)
         hidden = np.flatnonzero(self._places.hidden[rows])

@@ -95,7 +95,7 @@ def _assemble(scene: Scene, layout: Layout, covers: list[Coverage], chart: NDArr
     n = sum(len(pixel) for pixel in pixels)
     position, normal = np.empty((n, 3), np.float32), np.empty((n, 3), np.float32)
     barycentric, footprint = np.empty((n, 2), np.float32), np.empty((n, 2, 2), np.float32)
-    triangle, page_index = np.empty(n, np.int32), np.empty(n, np.int32)
+    triangle, page_index, texel = np.empty(n, np.int32), np.empty(n, np.int32), np.empty((n, 2), np.int32)
     layout_uv = np.zeros((len(scene.triangles), 3, 2), np.float32)
     for surface, uv in zip(scene.surfaces, layout.uv, strict=True):
         if uv is not None:
@@ -107,13 +107,13 @@ def _assemble(scene: Scene, layout: Layout, covers: list[Coverage], chart: NDArr
             part = pixel[first:first + CHUNK]
             to = slice(start + first, start + first + len(part))
             triangle[to] = own = cover.owner[part]
-            centre = np.stack([part % page.width, part // page.width], axis=1)
+            texel[to] = centre = np.stack([part % page.width, part // page.width], axis=1)
             texels = to_texels(layout_uv[own], page.width, page.height)
             weight, footprint[to] = _barycentric(texels, centre)
             barycentric[to] = weight
             position[to], normal[to] = place(scene, own, weight)
         start += len(pixel)
-    receivers = Receivers(position, normal, triangle, barycentric, footprint)
+    receivers = Receivers(position, normal, triangle, barycentric, footprint, texel=texel)
     return Lumels(receivers, surface_of_triangle(scene)[triangle], page_index, np.concatenate(pixels).astype(np.int64),
                   chart[triangle], layout.pages, layout.page_of_surface, layout.uv)
 

@@ -25,6 +25,7 @@ class Receivers:
         texel): row 0 for one texel to the right, row 1 for one texel up. The part of it that a value is the mean
         of is `Settings.footprint`; samples that fall off the triangle are drawn again, as Cycles does.
     surface : (n,) int32, the surface of the scene whose light is asked for, -1 for none; None: that of the triangle.
+    texel : (n, 2) int32, column and row in an image; None for receivers that are in none.
     """
 
     position: Float
@@ -33,6 +34,7 @@ class Receivers:
     barycentric: Float
     footprint: Float
     surface: NDArray[np.int32] | None = None
+    texel: NDArray[np.int32] | None = None
 
     def __len__(self) -> int:
         return len(self.position)
@@ -41,7 +43,7 @@ class Receivers:
         """The receivers at `index` (an index array, a mask or a slice)."""
         return Receivers(self.position[index], self.normal[index], self.triangle[index],
                          self.barycentric[index], self.footprint[index],
-                         None if self.surface is None else self.surface[index])
+                         *(None if some is None else some[index] for some in (self.surface, self.texel)))
 
 
 @dataclass(frozen=True)

