@@ -57,6 +57,7 @@ from .shells import Shells
 from .sources import light_sources
 from .split import Split, group_light, split_lights
 from .transport import Transport
+from .unseen import stand_ins, unseen
 from .vertices import corner_receivers
 
 Float = NDArray[np.floating[Any]]
@@ -206,6 +207,8 @@ class _Work:
                         near: Neighbours | None) -> tuple[Float, Float]:
         """As `light`, with nobody to tell how good it is."""
         seed = self.settings.seed
+        # What lies under a touching face is rightly dark, and no filter may mix that with what is seen.
+        near = near and near.without(places.covered)
         self.transported = self.transport(receivers, places)
         with self.stages("gather"):
             self.transported.keeper = keeper = self._keeper(len(receivers))
@@ -298,10 +301,13 @@ def bake(scene: Scene, settings: Settings, progress: Progress | None = None,
         triangle = lumels.receivers.triangle
         albedo = work.geometry.reflectance(triangle, *lumels.receivers.barycentric.T)
         values = encode(_passes(direct, bounced, settings.passes), settings.quantity, albedo)
-        seams = Seams(samples, lumels, scene, values)
-        images = finished(lumels, seams, values, settings)
+        light = direct + bounced
+        seen = ~unseen(work.fans, work.geometry.visibility, light, settings.seed + 13, work.run)
+        shown = stand_ins(seen, light, near.in_chart(1), settings.margin)
+        seams = Seams(samples, lumels, scene, values[shown])
+        images = finished(lumels, seams, values[shown], settings)
         layers = group_light(work.split, work.apart, settings.quantity, albedo,
-                             lambda light: finished(lumels, seams, light, settings))
+                             lambda light: finished(lumels, seams, light[shown], settings))
         placed = [(surface.name, int(page)) for surface, page in
                   zip(scene.surfaces, lumels.page_of_surface, strict=True)]
         lightmaps = tuple(Lightmap(page.name, pixels, tuple(name for name, place in placed if place == number))

@@ -70,7 +70,8 @@ class ReceiverFootprints:
     ----------
     step : (n, 2, 2) float32, change of (u, v) along the two sides of that part.
     free : (n,) bool, receivers on no triangle.
-    hidden : (n,) bool, whether some of the footprint may lie under a face that touches it.
+    hidden, covered : (n,) bool, whether some of the footprint may lie under a face that touches it, and whether all of
+        it does.
     """
 
     def __init__(self, geometry: Geometry, receivers: Receivers, part: float, seed: int) -> None:
@@ -81,8 +82,7 @@ class ReceiverFootprints:
         self.free = receivers.triangle < 0
         self._free_offset = np.float32(self.geometry.offset.max(initial=0))
         self._any_free = bool(self.free.any())
-        self.hidden = np.zeros(len(receivers), bool)
-        self.hidden = self._partly_hidden()
+        self.hidden, self.covered = self._touched()
 
     def __len__(self) -> int:
         return len(self.receivers)
@@ -151,18 +151,21 @@ class ReceiverFootprints:
         """(n, 3) float32: where rays of receivers on no triangle start."""
         return np.asarray(self.receivers.position[rows] + self.receivers.normal[rows] * self._free_offset)
 
-    def _partly_hidden(self) -> NDArray[np.bool_]:
-        """Footprints with a corner or middle that a touching face hides."""
+    def _touched(self) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
+        """Footprints of which touching faces hide a corner or the middle, and those of which they hide all these."""
         rows = np.flatnonzero(~self.free)
-        found = np.zeros(len(self), bool)
+        some, every = np.zeros((2, len(self)), bool)
         if not len(rows):
-            return found
+            return some, every
+        every[rows] = True
         for x, y in ((0.5, 0.5), (0.0, 0.0), (1.0, 0.0), (0.0, 1.0), (1.0, 1.0)):
             place = self._offset(self.receivers.barycentric[rows], self.step[rows],
                                  np.full(len(rows), x, np.float32), np.full(len(rows), y, np.float32))
             triangle = self.receivers.triangle[rows]
-            found[rows] |= self.geometry.buried.find(self.geometry.point(triangle, place[:, 0], place[:, 1]), triangle)
-        return found
+            found = self.geometry.buried.find(self.geometry.point(triangle, place[:, 0], place[:, 1]), triangle)
+            some[rows] |= found
+            every[rows] &= found
+        return some, every
 
     @staticmethod
     def _offset(centre: Float, step: Float, x: Float, y: Float) -> Float:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from copy import copy
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -20,12 +22,23 @@ class Neighbours:
 
     def __init__(self, lumels: Lumels, links: Links | None = None) -> None:
         self._lumels, self._links = lumels, links
+        self._apart: NDArray[np.bool_] | None = None
         self._members = [np.flatnonzero(lumels.page == number) for number in range(len(lumels.pages))]
+
+    def without(self, apart: NDArray[np.bool_]) -> Neighbours:
+        """The same, but that some lumels (n,) have no neighbours and are nobody's."""
+        other = copy(self)
+        other._apart = apart if self._apart is None else apart | self._apart
+        return other
 
     def at(self, step: int) -> NDArray[np.int32]:
         """(n, 8) int32: the lumels `step` texels away, sideways and diagonally; -1 where there is none."""
-        inside = self.in_chart(step)
-        return inside if self._links is None else self._beyond(inside, step, self._links)
+        out = self.in_chart(step)
+        if self._links is not None:
+            out = self._beyond(out, step, self._links)
+        if self._apart is not None:
+            out[self._apart[:, None] | self._apart[out]] = -1
+        return out
 
     def in_chart(self, step: int) -> NDArray[np.int32]:
         """The same, of each lumel's own chart alone."""

@@ -62,3 +62,14 @@ def test_a_page_without_lumels_changes_nothing():
     # The first page is empty.
     around = Neighbours(lumels(2, 1, [0, 1], page=[1, 1], pages=2)).at(1)
     assert [sorted(each[each >= 0]) for each in around] == [[1], [0]]
+
+
+def test_lumels_that_are_left_out_have_no_neighbours_and_are_nobodys():
+    # 3 x 3 lumels without the middle one: nobody has it, it has nobody; all else is as before.
+    every = Neighbours(lumels(3, 3, range(9)))
+    before, left = every.at(1), every.without(np.arange(9) == 4).at(1)
+    assert (left[4] == -1).all()
+    assert not (left == 4).any()
+    others = np.arange(9) != 4
+    assert np.array_equal(np.where(before == 4, -1, before)[others], left[others])
+    assert np.array_equal(every.at(1), before)
