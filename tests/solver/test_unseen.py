@@ -24,8 +24,8 @@ def _floor_with(solid, margin):
 
 @pytest.mark.parametrize("depth", [0.0, 0.7])
 def test_the_floor_inside_a_solid_shows_the_light_beside_it(depth):
-    # A box of 1 x 1 m stands on the floor, or sticks in it: 16 x 16 texels that nobody sees, without a margin as dark as
-    # they are. A margin grows over four rings of them, and changes no other texel.
+    # A box of 1 x 1 m stands on the floor, or sticks in it: 16 x 16 texels that nobody sees, dark without a margin. A
+    # margin grows over four rings of them, and changes no other texel.
     solid = box((-0.5, -0.5, -depth), (0.5, 0.5, 1), inward=False)
     bare, grown = (_floor_with(solid, margin) for margin in (0, RINGS))
     inside = slice(SIDE // 2 - 8, SIDE // 2 + 8)
