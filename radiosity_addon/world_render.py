@@ -32,9 +32,10 @@ class Map:
     samples: int
 
 
-# .35 degrees a pixel for a bake, 1.4 for a first look. A world without anything small in it needs one sample a pixel.
-FINE, SMOOTH, COARSE = Map(1024, 512, 4), Map(1024, 512, 1), Map(256, 128, 1)
-# What nodes a world without anything small may have; a sky texture only without its sun.
+# .35 degrees a pixel for a bake, .7 for a world without anything small in it, 1.4 for a first look.
+FINE, SMOOTH, COARSE = Map(1024, 512, 4), Map(512, 256, 1), Map(256, 128, 1)
+# What nodes a world without anything small may have; a sky texture only without its sun, which these have not.
+SUNLESS = {"PREETHAM", "HOSEK_WILKIE"}
 SMOOTH_NODES = {
     "ShaderNodeOutputWorld", "ShaderNodeBackground", "ShaderNodeTexSky", "ShaderNodeTexGradient", "ShaderNodeTexCoord",
     "ShaderNodeMapping", "ShaderNodeRGB", "ShaderNodeValue", "ShaderNodeBlackbody", "ShaderNodeHueSaturation",
@@ -74,9 +75,13 @@ def map_parts(world: Any, size: Map = FINE, part_seconds: float = ENDLESS) -> Pa
 
 def fine_map(world: Any) -> Map:
     """The map that a bake needs of a world."""
-    smooth = all(node.bl_idname in SMOOTH_NODES and not getattr(node, "sun_disc", False)
-                 for node in world.node_tree.nodes)
-    return SMOOTH if smooth else FINE
+    return SMOOTH if all(_is_smooth(node) for node in world.node_tree.nodes) else FINE
+
+
+def _is_smooth(node: Any) -> bool:
+    if node.bl_idname == "ShaderNodeTexSky" and node.sky_type not in SUNLESS and node.sun_disc:
+        return False
+    return node.bl_idname in SMOOTH_NODES
 
 
 def window(world: Any, axis: Float, right: Float, up: Float, half: float) -> Float:

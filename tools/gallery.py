@@ -69,7 +69,7 @@ def main() -> int:
     """Command line; 1 if a scene failed."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("scenes", type=Path, help="a folder of folders, each with a .blend of its own name")
-    parser.add_argument("--only", action="append", metavar="NAME", help="this scene; may be given again for more")
+    parser.add_argument("--only", metavar="NAME", nargs="+", help="these scenes")
     parser.add_argument("--options", default="", help="options of the bake, as one word")
     parser.add_argument("--write", action="store_true", help="no bake: show what the last one left")
     arguments = parser.parse_args()

@@ -5,6 +5,7 @@ import math
 import bpy
 import numpy as np
 import pytest
+from radiosity.radiosity_addon import world_render
 from radiosity.radiosity_addon.world import read_world
 from radiosity.solver import sky as skies
 from radiosity.solver.lamps import Sun
@@ -115,6 +116,7 @@ def test_bright_windows_of_a_map_become_lamps_of_their_own(stage):
     _assert_agrees(sky, lamps, 0.01)
 
 
+SUNLESS = {"HOSEK_WILKIE", "PREETHAM"}
 SKIES = {
     "SINGLE_SCATTERING": {"sun_elevation": 0.6}, "MULTIPLE_SCATTERING": {"sun_elevation": 0.35},
     "NISHITA": {"sun_elevation": 0.6}, "HOSEK_WILKIE": {"sun_direction": (0.5, 0.4, 0.76)},
@@ -134,7 +136,7 @@ def test_a_sky_texture_lights_as_in_cycles(stage, kind):
         setattr(node, name, value)
     tree.links.new(node.outputs["Color"], background.inputs["Color"])
     sky, lamps = _read()
-    has_disc = kind not in {"HOSEK_WILKIE", "PREETHAM"}
+    has_disc = kind not in SUNLESS
     if has_disc:
         assert isinstance(lamps[0], Sun)
         elevation, turn = node.sun_elevation, node.sun_rotation
@@ -143,6 +145,21 @@ def test_a_sky_texture_lights_as_in_cycles(stage, kind):
         assert -lamps[0].direction == pytest.approx(sun, abs=0.001)
         assert lamps[0].angle == pytest.approx(node.sun_size, rel=0.1)  # darker at the limb
     _assert_agrees(sky, lamps, 0.01)
+
+
+def test_a_world_is_looked_at_as_closely_as_it_needs(stage):
+    # A sky without a sun: a coarse map. Something small may be in all others.
+    background = set_world((0, 0, 0))
+    tree = background.id_data
+    world, node = bpy.context.scene.world, tree.nodes.new("ShaderNodeTexSky")
+    for kind in node.bl_rna.properties["sky_type"].enum_items.keys():
+        node.sky_type = kind
+        assert world_render.fine_map(world) is (world_render.SMOOTH if kind in SUNLESS else world_render.FINE)
+        node.sun_disc = False
+        assert world_render.fine_map(world) is world_render.SMOOTH
+        node.sun_disc = True
+    tree.nodes.new("ShaderNodeTexVoronoi")
+    assert world_render.fine_map(world) is world_render.FINE
 
 
 def test_a_world_hidden_from_diffuse_rays_gives_no_light(stage):
