@@ -7,6 +7,7 @@ from the darkest of the lumels beside: where both sides of a thin wall are one c
 
 from __future__ import annotations
 
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -17,9 +18,10 @@ from .parallel import Run, shares
 from .visibility import Visibility
 
 Float = NDArray[np.floating[Any]]
+Int = NDArray[np.integer[Any]]
 
-# Rays of a lumel, all of which must start covered or meet a back.
-RAYS = 32
+# Rays of a lumel, all of which must start covered or meet a back: a few rule out most of the dark ones.
+RAYS = (4, 32)
 # A lumel with more light than this part of the mean is seen: some rooms have walls that face outward.
 DARK = 0.03
 CHUNK_RAYS = 2**17
@@ -34,25 +36,28 @@ def unseen(fans: Fans, visibility: Visibility, light: Float, seed: int, run: Run
     light : (n, 3) their irradiance, W/m2.
     """
     level = light.mean(axis=1)
-    found = np.zeros(len(level), bool)
-    dark = np.flatnonzero(level <= DARK * level.mean())
-
-    def work(part: slice) -> NDArray[np.bool_]:
-        rows = dark[part]
-        origins, directions, lit = fans.rays(rows, RAYS, seed)
-        hits = visibility.hits(origins, directions)
-        run.count(len(origins))
-        closed = (hits.triangle >= 0) & ~hits.front
-        if lit is not None:
-            closed |= ~lit
-        return np.asarray(closed.reshape(-1, RAYS).all(axis=1))
-
-    parts = run.map(work, shares(len(dark), CHUNK_RAYS // RAYS))
-    found[dark] = np.concatenate(parts) if parts else False
+    found = np.asarray(level <= DARK * level.mean())
+    for count in RAYS:
+        rows = np.flatnonzero(found)
+        job = partial(_closed, fans, visibility, rows, count, seed, run)
+        parts = run.map(job, shares(len(rows), CHUNK_RAYS // count))
+        found[rows] = np.concatenate(parts) if parts else False
     return found
 
 
-def stand_ins(seen: NDArray[np.bool_], light: Float, around: NDArray[np.int32], rings: int) -> NDArray[np.int64]:
+def _closed(fans: Fans, visibility: Visibility, rows: Int, count: int, seed: int, run: Run,
+            part: slice) -> NDArray[np.bool_]:
+    """Of which lumels all of `count` rays start covered or meet a back."""
+    origins, directions, lit = fans.rays(rows[part], count, seed)
+    hits = visibility.hits(origins, directions)
+    run.count(len(origins))
+    closed = (hits.triangle >= 0) & ~hits.front
+    if lit is not None:
+        closed |= ~lit
+    return np.asarray(closed.reshape(-1, count).all(axis=1))
+
+
+def stand_ins(seen: NDArray[np.bool_], light: Float, around: Int, rings: int) -> Int:
     """(n,) the lumel whose light each one shows: of those that are seen itself, of others the darkest that is beside,
     or beside such a one, and so on for some rings; itself beyond.
 
