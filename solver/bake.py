@@ -74,8 +74,8 @@ REFINE_SHARE = 3.0
 # energy adds up over whole surfaces.
 COMPLETE_CELLS = 2**18
 # All rows are traced anew, with MORE_RAYS times the rays, while their noise shifts the mean light by more than this
-# part of the wanted error; so often at most.
-LEVEL_SHARE, MORE_RAYS, MOST_RETRACED = 0.15, 4, 2
+# part of the wanted error; so often at most, and while all rows hold no more hits (up to 17 bytes each).
+LEVEL_SHARE, MORE_RAYS, MOST_RETRACED, MOST_HITS = 0.15, 4, 2, 3 * 2**24
 # Residuals of the linear system that are small enough to see where to split patches, and at the end.
 ROUGH, TOLERANCE = 1e-2, 1e-5
 # The audit's random numbers start here, so that it shares none with the bake.
@@ -145,9 +145,11 @@ class _Work:
         for _ in range(MOST_RETRACED):
             level = self.lamps + looks.straight + self._seen_light(transport)
             noise = transport.level_noise(self._seen_share(transport)) / max(level, 1e-30)
-            if noise <= LEVEL_SHARE * self.settings.error or rays * MORE_RAYS > MOST_ROW_RAYS:
+            more = rays * MORE_RAYS
+            too_many = more > MOST_ROW_RAYS or more * len(transport.patches) > MOST_HITS
+            if noise <= LEVEL_SHARE * self.settings.error or too_many:
                 break
-            rays *= MORE_RAYS
+            rays = more
             with self.stages("form factors"):
                 transport.retrace(rays)
             with self.stages("solve"):
