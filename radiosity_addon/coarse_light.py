@@ -26,7 +26,6 @@ from ..solver.linear import solve_linear
 from ..solver.parallel import Run
 from ..solver.probes import free_receivers
 from ..solver.sampling import cosine_directions, kronecker, shifted, shifts
-from ..solver.scene import Scene
 from ..solver.settings import Settings
 from ..solver.sources import light_sources
 
@@ -63,7 +62,7 @@ class Places:
     nearest: Callable[[Int, Float, Float], Int]
 
 
-def coarse_light(scene: Scene, settings: Settings, places: Places, run: Run) -> Float:
+def coarse_light(geometry: Geometry, settings: Settings, places: Places, run: Run) -> Float:
     """Irradiance of the wanted places' fronts, (wanted, 3) W/m2.
 
     Raises
@@ -73,15 +72,16 @@ def coarse_light(scene: Scene, settings: Settings, places: Places, run: Run) -> 
     Cancelled
         If the user wants to stop.
     """
-    return _Light(scene, settings, places, run).solved()
+    return _Light(geometry, settings, places, run).solved()
 
 
 class _Light:
     """One solution. A node is a side of a place: 2 * place, and 1 more for the back."""
 
-    def __init__(self, scene: Scene, settings: Settings, places: Places, run: Run) -> None:
+    def __init__(self, geometry: Geometry, settings: Settings, places: Places, run: Run) -> None:
+        scene = geometry.scene
         self._scene, self._settings, self._places, self._run = scene, settings, places, run
-        self._geometry = Geometry(scene)
+        self._geometry = geometry
         lights, self._is_lamp = light_sources(self._geometry)
         if not (lights or np.any(scene.emission) or not scene.sky.is_black):
             raise NothingToBake("the scene has no light: add a lamp, an emissive material or a world colour")

@@ -12,10 +12,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..solver.errors import NothingToBake
+from ..solver.geometry import Geometry
 from ..solver.parallel import Run
 from ..solver.scene import Scene, surface_of_triangle
 from ..solver.settings import Settings
 from .coarse_light import Places, coarse_light
+from .confined import confined
 from .look import Look, mean_colours, receiving_triangles
 
 Float = NDArray[np.floating[Any]]
@@ -44,11 +46,12 @@ def first_look(scene: Scene, settings: Settings, cancelled: Callable[[], bool]) 
     if not len(shown):
         raise NothingToBake("no object that is to be baked has an opaque face with an area")
     hidden = np.setdiff1d(np.arange(len(scene.triangles)), shown, assume_unique=True)
-    grids = [_Grid(scene, shown)]
+    geometry = Geometry(scene)
+    grids = [_Grid(geometry, shown)]
     if len(hidden):
-        grids.append(_Grid(scene, hidden))
+        grids.append(_Grid(geometry, hidden))
     run = Run(settings.thread_count, None, cancelled, stage="first look")
-    light = coarse_light(scene, settings, _joined(scene, grids), run) / np.pi
+    light = coarse_light(geometry, settings, _joined(scene, grids), run) / np.pi
     grid = grids[0]
     reflectance, glow = mean_colours(scene)
     triangle = shown[grid.parent]
@@ -67,15 +70,16 @@ class _Grid:
     points, normals, surface : of the places, see `Places`.
     """
 
-    def __init__(self, scene: Scene, triangles: Int) -> None:
+    def __init__(self, geometry: Geometry, triangles: Int) -> None:
+        scene = geometry.scene
         self.triangles = triangles
         corners = scene.vertices[scene.triangles[triangles]]
         self.pieces, self.parent, first, self.place = places(corners)
         piece, corner = np.unravel_index(first, self.place.shape)
-        middle = self.pieces[piece].mean(axis=1)
+        middle, whole = self.pieces[piece].mean(axis=1), corners[self.parent[piece]].mean(axis=1)
         at = self.pieces[piece, corner]
-        self.points = at + INWARD * (middle - at)
         self.normals = _normals(corners[self.parent[piece]])
+        self.points = _open(geometry, (at + INWARD * (middle - at), middle, whole), self.normals)
         self.surface = surface_of_triangle(scene)[triangles[self.parent[piece]]]
         # The pieces of a triangle lie next to each other, side x side of them.
         number = np.bincount(self.parent, minlength=len(triangles))
@@ -97,6 +101,17 @@ class _Grid:
         weight = np.where(upright[:, None], np.stack([1 - across - along, across, along], 1),
                           np.stack([across + along - 1, 1 - across, 1 - along], 1))
         return np.asarray(self.place[self._start[index] + piece, weight.argmax(axis=1)])
+
+
+def _open(geometry: Geometry, choices: tuple[Float, ...], normals: Float) -> Float:
+    """Of several points (n, 3) for each place the first that is not confined; where all are, the first."""
+    points = choices[0].copy()
+    left = np.flatnonzero(confined(geometry, points, normals))
+    for choice in choices[1:]:
+        shut = confined(geometry, choice[left], normals[left])
+        points[left[~shut]] = choice[left[~shut]]
+        left = left[shut]
+    return points
 
 
 def _joined(scene: Scene, grids: list[_Grid]) -> Places:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from functools import reduce
 
 import numpy as np
 import pytest
@@ -12,6 +13,8 @@ from radiosity.solver.area_lamp import Area
 from radiosity.solver.bake import irradiance
 from radiosity.solver.scene import Scene, Surface
 from radiosity.solver.settings import Settings
+from radiosity.tests.solver.rooms import Shape, quad
+from radiosity.tests.solver.rooms import box as room_box
 
 # A box of 2 m, two triangles a wall, whose fronts face inwards.
 CORNERS = 2.0 * np.array([[x, y, z] for z in (0, 1) for y in (0, 1) for x in (0, 1)])
@@ -75,6 +78,22 @@ def test_what_is_not_baked_reflects_but_is_not_shown():
     look = look_at(box(reflectance=0.5, emission=1.0, surfaces=walls))
     assert (look.corners[:, :, 2] == 0).all()
     assert look.colour * math.pi / 0.5 == pytest.approx(2.0, rel=2e-3)
+
+
+def test_a_ceiling_whose_corners_stick_into_walls_is_lit_up_to_them():
+    # A room of 4 m x 4 m x 3 m: a floor of exitance 1, four solid walls of .5 m, and a ceiling of two triangles over
+    # all of it, so that its corners lie inside the walls. Exact: straight from the floor comes least into the room's
+    # upper corners, the form factor of a 4 m square seen from 3 m above its corner. To 10 %, as the rays are few.
+    blocks = [((-2.5, -2.5), (-2, 2.5)), ((2, -2.5), (2.5, 2.5)), ((-2, -2.5), (2, -2)), ((-2, 2), (2, 2.5))]
+    walls = reduce(Shape.__add__, (room_box((*low, 0), (*high, 3.1), inward=False) for low, high in blocks))
+    ceiling = quad((-2.5, -2.5, 3), (0, 5, 0), (5, 0, 0), reflectance=0.5)
+    room = (ceiling + quad((-2, -2, 0), (4, 0, 0), (0, 4, 0), emission=1.0) + walls).scene()
+    look = look_at(room)
+    shown = np.isclose(look.corners[:, :, 2], 3).all(axis=1)
+    ratio = 4 / 3
+    corner = ratio / math.hypot(1, ratio) * math.atan(ratio / math.hypot(1, ratio)) / math.pi
+    assert shown.sum() > 100
+    assert (look.colour[shown] * math.pi / 0.5).min() > 0.9 * corner
 
 
 def test_a_scene_without_light_is_refused():

@@ -134,6 +134,15 @@ def differences(before: Any) -> list[str]:
     return list(fingerprints.differences(before, fingerprints.fingerprint()))
 
 
+def seconds_to_draw() -> float:
+    """Of the clock, to draw the whole window once."""
+    window, _, _ = drive.sidebar()
+    begun = time.monotonic()
+    with bpy.context.temp_override(window=window):
+        bpy.ops.wm.redraw_timer(type="DRAW_WIN_SWAP", iterations=1)
+    return time.monotonic() - begun
+
+
 def cancelled(before: Any) -> Iterator[float]:
     """Watch a bake up to its first draft, then press Esc."""
     SPENT.clear()
@@ -142,6 +151,7 @@ def cancelled(before: Any) -> Iterator[float]:
     drive.SEEN["seconds_to_look"], drive.SEEN["spent_to_look"] = current().progress.elapsed, dict(SPENT)
     yield SHOWN
     yield from drive.shot("large-1-first-look" if drive.JOB.get("short") else "live-1-first-look")
+    drive.SEEN["seconds_to_draw"] = seconds_to_draw()
     if drive.JOB.get("short"):
         yield from watch(lambda: current().progress.stage == "draft")
     else:

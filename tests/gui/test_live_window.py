@@ -18,7 +18,7 @@ LONGEST_DRAW = 0.2
 # Seconds that a window, drawn in software on cores that the bake has too, may be later than it is by itself.
 LONGEST_GAP = 3.0
 # What is printed of a visit.
-TOLD = ("gaps", "own", "seconds_to_look", "spent_to_look", "seconds_to_cancel")
+TOLD = ("gaps", "own", "seconds_to_look", "seconds_to_draw", "spent_to_look", "seconds_to_cancel")
 
 
 def watch(folder: Path, scene: Path, job: dict[str, Any]) -> tuple[dict[str, Any], int]:
