@@ -20,7 +20,7 @@ from radiosity.radiosity_addon.images import texture_parts
 from radiosity.radiosity_addon.job import Job
 from radiosity.radiosity_addon.parts import PAUSE, aside, some, whole
 from radiosity.radiosity_addon.request import Request
-from radiosity.radiosity_addon.world_render import COARSE, FINE, Map
+from radiosity.radiosity_addon.world_render import COARSE, Map, fine_map
 from radiosity.solver.errors import RadiosityError, SceneError
 from radiosity.solver.settings import Settings
 
@@ -110,7 +110,9 @@ def test_a_glance_has_all_surfaces_and_a_coarse_sky_before_the_rest_is_read(scen
     (glance,) = seen
     assert np.array_equal(glance.scene.vertices, exported.scene.vertices)
     assert glance.scene.sky.radiance.shape == (COARSE.height, COARSE.width, 3)
-    assert exported.scene.sky.radiance.shape == (FINE.height, FINE.width, 3)
+    wanted = fine_map(bpy.context.scene.world)
+    assert exported.scene.sky.radiance.shape == (wanted.height, wanted.width, 3)
+    assert wanted.width > COARSE.width
     assert glance.scene.sky.radiance.mean(axis=(0, 1)) == pytest.approx(exported.scene.sky.radiance.mean(axis=(0, 1)),
                                                                        rel=0.02)
     assert glance.scene.reflectance[-1] == pytest.approx(exported.scene.reflectance[-1])

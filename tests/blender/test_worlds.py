@@ -152,7 +152,7 @@ def test_a_world_is_looked_at_as_closely_as_it_needs(stage):
     background = set_world((0, 0, 0))
     tree = background.id_data
     world, node = bpy.context.scene.world, tree.nodes.new("ShaderNodeTexSky")
-    for kind in node.bl_rna.properties["sky_type"].enum_items:
+    for kind in [item.identifier for item in node.bl_rna.properties["sky_type"].enum_items]:
         node.sky_type = kind
         assert world_render.fine_map(world) is (world_render.SMOOTH if kind in SUNLESS else world_render.FINE)
         node.sun_disc = False

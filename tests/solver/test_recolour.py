@@ -84,12 +84,15 @@ def test_a_painted_room_is_lit_as_by_a_fresh_bake(kept):
     assert rms(relit, other) < 1.1 * rms(fresh, other)
 
 
-def test_lamps_and_colours_change_together(kept):
-    # Every light another strength, one off, one another colour, in the painted room. Exact answer: a fresh bake.
+def test_lamps_and_colours_change_together():
+    # Every light another strength, one off, one another colour, in the painted room. Exact answer: a fresh bake, both
+    # of an error of 3 % (at 10 % the two are half a per cent apart, whatever the seed).
+    finer = solver.Settings(**{**QUICK, "error": 0.03})
+    kept = solver.bake(room(), finer, groups=apart(room()), keep_paths=True)
     fresh = painted(room((0.0, 3.0, 24.0), (1.0, 0.5, 0.0), 0.0, (0.3, 0.0, 0.1)))
-    expected = solver.bake(fresh, solver.Settings(**QUICK)).lightmaps[0].pixels
+    expected = solver.bake(fresh, finer).lightmaps[0].pixels
     strengths = {"a": (0, 0.25, 2), "b": (1 / 6, 0.5 / 6, 0), "glow": 0, "sky": (1.5, 0, 0.5)}
-    relit = solver.relight(kept, solver.Settings(**QUICK), strengths, painted(room())).lightmaps[0].pixels
+    relit = solver.relight(kept, finer, strengths, painted(room())).lightmaps[0].pixels
     assert relit.mean(axis=(0, 1)) == pytest.approx(expected.mean(axis=(0, 1)), abs=5e-3 * float(expected.mean()))
     assert rms(relit, expected) < 0.03
 
