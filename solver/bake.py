@@ -309,7 +309,7 @@ def bake(scene: Scene, settings: Settings, progress: Progress | None = None,
         seams = Seams(samples, lumels, scene, values[shown])
         images = finished(lumels, seams, values[shown], settings)
         layers = group_light(work.split, work.apart, settings.quantity, albedo,
-                             lambda light: finished(lumels, seams, light[shown], settings))
+                             lambda part: finished(lumels, seams, part[shown], settings))
         placed = [(surface.name, int(page)) for surface, page in
                   zip(scene.surfaces, lumels.page_of_surface, strict=True)]
         lightmaps = tuple(Lightmap(page.name, pixels, tuple(name for name, place in placed if place == number))

@@ -38,7 +38,7 @@ def rays_of_places(count: int, start: int = 0) -> Float:
 
     Light varies far more with the direction. The recurrence of four dimensions, seen in its first two, has only seven
     heights for a long while (its first step is nearly 6/7); here those two are the recurrence of two dimensions, and
-    the others follow Richtmyer (1951). Of the noise's variance in rooms 10 to 35 % are gone.
+    the others follow Richtmyer (1951).
     """
     return _recurrence(count, np.concatenate([_steps(2), np.sqrt([2.0, 3.0]) - 1]), start)
 

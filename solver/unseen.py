@@ -39,22 +39,26 @@ def unseen(fans: Fans, visibility: Visibility, light: Float, seed: int, run: Run
     found = np.asarray(level <= DARK * level.mean())
     for count in RAYS:
         rows = np.flatnonzero(found)
-        job = partial(_closed, fans, visibility, rows, count, seed, run)
-        parts = run.map(job, shares(len(rows), CHUNK_RAYS // count))
+        run.count(len(rows) * count)
+        look = partial(_all_closed, fans, visibility, rows, count, seed)
+        parts = run.map(look, shares(len(rows), CHUNK_RAYS // count))
         found[rows] = np.concatenate(parts) if parts else False
     return found
 
 
-def _closed(fans: Fans, visibility: Visibility, rows: Int, count: int, seed: int, run: Run,
-            part: slice) -> NDArray[np.bool_]:
-    """Of which lumels all of `count` rays start covered or meet a back."""
-    origins, directions, lit = fans.rays(rows[part], count, seed)
+def _all_closed(fans: Fans, visibility: Visibility, rows: Int, count: int, seed: int,
+                part: slice) -> NDArray[np.bool_]:
+    return np.asarray(closed_rays(fans, visibility, rows[part], count, seed).all(axis=1))
+
+
+def closed_rays(fans: Fans, visibility: Visibility, rows: Int, count: int, seed: int) -> NDArray[np.bool_]:
+    """(n, count): which rays of receivers `rows` (n,) start covered or meet a back."""
+    origins, directions, lit = fans.rays(rows, count, seed)
     hits = visibility.hits(origins, directions)
-    run.count(len(origins))
     closed = (hits.triangle >= 0) & ~hits.front
     if lit is not None:
         closed |= ~lit
-    return np.asarray(closed.reshape(-1, count).all(axis=1))
+    return np.asarray(closed.reshape(-1, count))
 
 
 def stand_ins(seen: NDArray[np.bool_], light: Float, around: Int, rings: int) -> Int:
