@@ -25,7 +25,7 @@ class Working:
         self._job = job
         self._parts: Parts[Any] | None = job.exporting()
         self._look: Look | None = None
-        self._told = 0.0
+        self._told, self._line = 0.0, ""
         manager = context.window_manager
         manager.progress_begin(0, 100)
         self._timer = manager.event_timer_add(TICK, window=context.window)
@@ -64,6 +64,7 @@ class Working:
         if self._job.look is not self._look:
             self._look = self._job.look
             redraw_views(context)
+            return None  # the view first
         if self._parts is None:
             if not self._job.is_done:
                 return None
@@ -80,13 +81,12 @@ class Working:
         return None
 
     def _tell_progress(self, context: Any) -> None:
-        """In the status bar and the panels, now and then."""
-        now = time.monotonic()
-        if now - self._told >= TOLD:
-            self._told = now
-            progress = self._job.progress
+        """In the status bar and the panels, now and then, if there is news."""
+        now, progress = time.monotonic(), self._job.progress
+        if now - self._told >= TOLD and self._line != progress.line():
+            self._told, self._line = now, progress.line()
             context.window_manager.progress_update(round(progress.fraction * 100))
-            show_status(context, f"{self.doing} {progress.line()} (Esc cancels)")
+            show_status(context, f"{self.doing} {self._line} (Esc cancels)")
 
     def cancel(self, context: Any) -> None:
         """Blender ends the operator: a file is loaded, or the window closed."""

@@ -22,15 +22,20 @@ from ..solver.settings import Settings
 from .binding import Binding
 from .cycles_elsewhere import Elsewhere, can_go
 from .giants import with_fair_shares
-from .lamp_nodes import emission_parts
+from .lamp_nodes import Emissions, emission_parts
 from .lights import lamp_data
 from .parts import ENDLESS, Parts, aside, whole
+from .render_walk import viewport_shows_the_same
 from .surface_materials import SurfaceMaterials
 from .surfaces import Surfaces, surface_parts
 from .units import per_blender_unit
 from .warn import Warnings
-from .world import needs_render, world_parts
+from .world import World, needs_render, world_parts
 from .world_render import COARSE
+
+# Is given a scene that has no sky yet, to be called in another thread; the parts that bring a coarse sky with its suns;
+# and settings.
+Glance = Callable[[Callable[[], Scene], Parts[World], Settings], Parts[None]]
 
 
 @dataclass(frozen=True, eq=False)
@@ -72,24 +77,21 @@ def export_scene(scene: Any, view_layer: Any, settings: Settings, warnings: Warn
 
 def export_parts(scene: Any, view_layer: Any, settings: Settings, warnings: Warnings, convert: bool = False,
                  part_seconds: float = ENDLESS,
-                 glance: Callable[[Exported], Parts[None]] | None = None) -> Parts[Exported]:
+                 glance: Glance | None = None) -> Parts[Exported]:
     """`export_scene` in parts: a window can draw and answer between them, and nobody may change the scene.
 
     Parameters
     ----------
     part_seconds : how long a part may take, about, where it can be cut.
-    glance : given the scene as soon as there is one, with a coarse sky, images by their mean, and materials that Cycles
-        has not seen yet; the rest is read when its parts have ended.
+    glance : its parts come first.
     """
     settings = per_blender_unit(settings, scene, warnings)
     emissions = yield from emission_parts(lamp_data(scene), warnings)
+    if glance is not None:
+        yield from _glanced(scene, view_layer, settings, emissions, convert, part_seconds, glance)
     found = yield from surface_parts(scene, view_layer, settings, emissions, warnings, convert, part_seconds)
     assembly = found.assembly
     yield from aside(assembly.settle)
-    if glance is not None:
-        yield from assembly.materials.glance_at_images()
-        sky, suns = yield from world_parts(scene.world, [], COARSE)
-        yield from glance((yield from aside(partial(_lit, found, (*found.lamps, *suns), sky, settings, []))))
     yield from assembly.materials.read_images()
     frame = scene.frame_current
     elsewhere = _cycles_elsewhere(scene.world, assembly.materials, frame) if part_seconds < ENDLESS else None
@@ -101,6 +103,23 @@ def export_parts(scene: Any, view_layer: Any, settings: Settings, warnings: Warn
         if elsewhere is not None:
             elsewhere.close()
     return (yield from aside(partial(_lit, found, (*found.lamps, *suns), sky, settings, warnings)))
+
+
+def _glanced(scene: Any, view_layer: Any, settings: Settings, emissions: Emissions, convert: bool,
+             part_seconds: float, glance: Glance) -> Parts[None]:
+    """Show what can be told of a scene at once: images by their mean, materials that Cycles has not seen yet.
+
+    A viewport with the same objects is not asked to draw anew, and modifiers have done their work for it already.
+    """
+    found = yield from surface_parts(scene, view_layer, settings, emissions, [], convert, part_seconds,
+                                     as_rendered=not viewport_shows_the_same(view_layer))
+    yield from found.assembly.materials.glance_at_images()
+
+    def dark() -> Scene:
+        found.assembly.settle()
+        return found.assembly.scene(found.lamps, Sky())
+
+    yield from glance(dark, world_parts(scene.world, [], COARSE), settings)
 
 
 def _cycles_elsewhere(world: Any, materials: SurfaceMaterials, frame: int) -> Elsewhere | None:

@@ -5,7 +5,8 @@ It needs no layout of lumels, so it is there before anything is unwrapped. Works
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -13,8 +14,9 @@ from numpy.typing import NDArray
 
 from ..solver.errors import NothingToBake
 from ..solver.geometry import Geometry
+from ..solver.lights import Light
 from ..solver.parallel import Run
-from ..solver.scene import Scene, surface_of_triangle
+from ..solver.scene import Scene, Sky, surface_of_triangle
 from ..solver.settings import Settings
 from .coarse_light import Places, coarse_light
 from .confined import confined
@@ -34,28 +36,47 @@ COARSER = 1.3
 INWARD = 0.3
 
 
-def first_look(scene: Scene, settings: Settings, cancelled: Callable[[], bool]) -> Look:
+class Shapes:
+    """What a first look needs to know of a scene before its sky is known.
+
+    Raises
+    ------
+    NothingToBake
+        If nothing is there to be shown.
+    """
+
+    def __init__(self, scene: Scene) -> None:
+        self.shown = receiving_triangles(scene)
+        if not len(self.shown):
+            raise NothingToBake("no object that is to be baked has an opaque face with an area")
+        hidden = np.setdiff1d(np.arange(len(scene.triangles)), self.shown, assume_unique=True)
+        self.geometry = Geometry(scene)
+        self.grids = [_Grid(self.geometry, triangles) for triangles in (self.shown, hidden) if len(triangles)]
+
+
+def first_look(shapes: Shapes, light: tuple[Sky, Sequence[Light]], settings: Settings,
+               cancelled: Callable[[], bool]) -> Look:
     """A coarse look at the whole scene.
+
+    Parameters
+    ----------
+    shapes : of the scene, with its lamps.
+    light : its sky, and the sky's suns.
 
     Raises
     ------
     Cancelled, SceneError, NothingToBake
         As `solver.bake`.
     """
-    shown = receiving_triangles(scene)
-    if not len(shown):
-        raise NothingToBake("no object that is to be baked has an opaque face with an area")
-    hidden = np.setdiff1d(np.arange(len(scene.triangles)), shown, assume_unique=True)
-    geometry = Geometry(scene)
-    grids = [_Grid(geometry, shown)]
-    if len(hidden):
-        grids.append(_Grid(geometry, hidden))
+    sky, suns = light
+    dark = shapes.geometry.scene
+    scene = replace(dark, sky=sky, lights=(*dark.lights, *suns))
     run = Run(settings.thread_count, None, cancelled, stage="first look")
-    light = coarse_light(geometry, settings, _joined(scene, grids), run) / np.pi
-    grid = grids[0]
+    got = coarse_light(shapes.geometry.in_light_of(scene), settings, _joined(scene, shapes.grids), run) / np.pi
+    grid = shapes.grids[0]
     reflectance, glow = mean_colours(scene)
-    triangle = shown[grid.parent]
-    colour = light[grid.place] * reflectance[triangle][:, None]
+    triangle = shapes.shown[grid.parent]
+    colour = got[grid.place] * reflectance[triangle][:, None]
     return Look("first look", np.asarray(grid.pieces, np.float32), np.zeros((len(triangle), 3, 2), np.float32),
                 np.full(len(triangle), -1, np.int32), np.asarray(colour, np.float32), glow[triangle], ())
 

@@ -10,7 +10,7 @@ import shutil
 import signal
 import threading
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
@@ -22,7 +22,7 @@ from ..solver.bake import bake
 from ..solver.errors import Cancelled, RadiosityError
 from ..solver.result import Bake
 from . import blend_file, compat, report
-from .export import Exported, export_parts
+from .export import Exported, Glance, export_parts
 from .keeping import KeptGroups
 from .layouts import with_shared_layouts
 from .look import Look
@@ -77,8 +77,8 @@ class Job:
         # Files that are written, and not in their places yet.
         self._staged: Staged | None = None
         self._staged_groups: Path | None = None
-        # Is given a coarse export as soon as there is one (see `export_parts`).
-        self._glance: Callable[[Exported], Parts[None]] | None = None
+        # Is given a coarse scene as soon as there is one (see `export_parts`).
+        self._glance: Glance | None = None
         self._failure: BaseException | None = None
         self._made: list[Path] = []
 

@@ -14,6 +14,7 @@ import math
 import threading
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import Any
 
 from ..solver.bake import bake
@@ -22,15 +23,15 @@ from ..solver.layout import Layout, make_layout
 from ..solver.result import Bake
 from ..solver.scene import Scene
 from ..solver.settings import Settings
-from .export import Exported
-from .first_look import first_look
+from .first_look import Shapes, first_look
 from .job import Job
 from .layouts import with_shared_layouts
 from .look import look_at
-from .parts import Parts, ended
+from .parts import PAUSE, Parts, aside, beside
 from .progress import STAGE_WEIGHTS, Progress
 from .request import Request
 from .warn import warn
+from .world import World
 
 FIRST_LOOK, DRAFT = "first look", "draft"
 # A draft's error, and the part of the result's resolution that it has. A draft is made only where the result is to be
@@ -60,8 +61,6 @@ class LiveJob(Job):
         self._enough = threading.Event()
         self._kept: Bake | None = None
         self._glance = self._look_first
-        self._looking: threading.Thread | None = None
-        self._looking_failure: BaseException | None = None
 
     @property
     def can_keep(self) -> bool:
@@ -79,36 +78,21 @@ class LiveJob(Job):
         else:
             self.cancel()
 
-    def close(self) -> None:
-        """As a job's."""
-        self.cancel()
-        if self._looking is not None:
-            self._looking.join()
-        super().close()
-
-    def _look_first(self, exported: Exported) -> Parts[None]:
-        """Take a first look at a coarse export; the rest is read afterwards, as both would share one interpreter."""
-        self._looking = threading.Thread(target=self._look_at, args=(exported,), name="radiosity look", daemon=True)
-        self._looking.start()
-        yield from ended(self._looking)
-
-    def _look_at(self, exported: Exported) -> None:
+    def _look_first(self, scene: Callable[[], Scene], sky: Parts[World], settings: Settings) -> Parts[None]:
+        """Take a first look at a coarse scene; the rest is read afterwards, as both would share one interpreter."""
         try:
             with self._timed(FIRST_LOOK):
-                self.look = first_look(exported.scene, exported.settings, self._cancel.is_set)
+                shapes, light = yield from beside(lambda: Shapes(scene()), sky)
+                self.look = yield from aside(partial(first_look, shapes, light, settings, self._cancel.is_set))
         except RadiosityError:
             # What is wrong with the scene itself the bake tells; what Cycles has not evaluated yet may be wrong here.
-            pass
-        except BaseException as error:  # noqa: BLE001 - it is raised again by the worker
-            self._looking_failure = error
+            return
+        # It is to be seen before anything else is read.
+        yield PAUSE
 
     def _baked(self) -> Bake:
         assert self._exported is not None
         assert self._groups is not None
-        if self._looking is not None:
-            self._looking.join()
-        if self._looking_failure is not None:
-            raise self._looking_failure
         with self._timed("unwrap"):
             scene, settings = with_shared_layouts(self._exported.scene, self._exported.bindings,
                                                   self._exported.settings, self.warnings, self._unwrapping)

@@ -13,6 +13,7 @@ from collections.abc import Callable, Generator
 from typing import Any, TypeVar
 
 Result = TypeVar("Result")
+Other = TypeVar("Other")
 # What is yielded is None or a thread; mypy takes a bare `yield` for no value where it is told so.
 Parts = Generator[Any, None, Result]
 
@@ -63,6 +64,24 @@ def some(parts: Parts[Result], seconds: float = WINDOW_PART) -> None:
 
 def aside(work: Callable[[], Result]) -> Parts[Result]:
     """Work that touches no bpy, in a thread of its own; raises what it raises."""
+    thread, result = _begun(work)
+    yield from ended(thread)
+    return result()
+
+
+def beside(work: Callable[[], Result], parts: Parts[Other]) -> Parts[tuple[Result, Other]]:
+    """`aside` while parts go on in Blender's thread; what both give."""
+    thread, result = _begun(work)
+    try:
+        other = yield from parts
+        yield from ended(thread)
+    finally:
+        thread.join()
+    return result(), other
+
+
+def _begun(work: Callable[[], Result]) -> tuple[threading.Thread, Callable[[], Result]]:
+    """A thread that works, and what it gives or raises once it has ended."""
     results: list[Result] = []
     failures: list[BaseException] = []
 
@@ -72,12 +91,14 @@ def aside(work: Callable[[], Result]) -> Parts[Result]:
         except BaseException as error:  # noqa: BLE001 - it is raised again in Blender's thread
             failures.append(error)
 
+    def result() -> Result:
+        if failures:
+            raise failures[0]
+        return results[0]
+
     thread = threading.Thread(target=run, name="radiosity aside", daemon=True)
     thread.start()
-    yield from ended(thread)
-    if failures:
-        raise failures[0]
-    return results[0]
+    return thread, result
 
 
 def ended(thread: threading.Thread) -> Parts[None]:

@@ -1,7 +1,8 @@
-"""What a render shows, gone through in parts.
+"""What a render shows, or the viewport, gone through in parts.
 
 Blender hands a render's view of the scene out for one call only, so each part asks for it anew, and goes on where the
-last one ended. To ask takes as long as the scene's modifiers do: a part lasts for a multiple of it.
+last one ended. To ask takes as long as the scene's modifiers do, and lets all viewports draw the scene from its start:
+a part lasts for a multiple of it. What the viewport shows is there already.
 """
 
 from __future__ import annotations
@@ -9,6 +10,8 @@ from __future__ import annotations
 import time
 from functools import partial
 from typing import Any, Protocol
+
+import bpy
 
 from . import cycles, preview
 from .parts import Parts
@@ -40,8 +43,8 @@ class Step(Protocol):
         ...
 
 
-def walk(scene: Any, view_layer: Any, step: Step, part_seconds: float) -> Parts[None]:
-    """Call `step` with a render's dependency graph, part by part, until nothing is left to do.
+def walk(scene: Any, view_layer: Any, step: Step, part_seconds: float, *, as_rendered: bool = True) -> Parts[None]:
+    """Call `step` with a render's dependency graph, or else the viewport's, part by part, until nothing is left to do.
 
     Materials are the user's own, whatever is shown.
 
@@ -55,5 +58,23 @@ def walk(scene: Any, view_layer: Any, step: Step, part_seconds: float) -> Parts[
         now = partial(step, clock=Clock(part_seconds))
         # A view of an older bake would be read as light of its own.
         with preview.suspended():
-            done = cycles.with_render_depsgraph(scene, view_layer, now)
+            if as_rendered:
+                done = cycles.with_render_depsgraph(scene, view_layer, now)
+            else:
+                view_layer.update()
+                done = now(view_layer.depsgraph)
         yield
+
+
+def viewport_shows_the_same(view_layer: Any) -> bool:
+    """Whether the viewport shows those objects that a render does, if not with the same modifiers."""
+    shown = {item for item in view_layer.objects if item.visible_get(view_layer=view_layer)}
+    return shown == _rendered(view_layer.layer_collection)
+
+
+def _rendered(layer: Any) -> set[bpy.types.Object]:
+    """The objects of a layer's collection, and of those in it, that a render shows."""
+    if layer.collection.hide_render:
+        return set()
+    own = () if layer.exclude else layer.collection.objects
+    return {item for item in own if not item.hide_render}.union(*map(_rendered, layer.children))

@@ -78,18 +78,21 @@ def _peeled(world: Any, sky: Sky, warnings: Warnings, elsewhere: Elsewhere | Non
     peeling = peel_parts(sky, world.name)
     seen: Window | None = None
     while True:
-        wanted, ended = yield from aside(partial(_step, peeling, seen))
+        wanted, ended = yield from aside(partial(_step, peeling, seen, closely=closely))
         if ended is not None:
             lamps, rest = ended
             return rest, lamps
         axis, half_angle = wanted
-        seen = (yield from _close_look(world, axis, half_angle, warnings, elsewhere)) if closely else None
+        seen = yield from _close_look(world, axis, half_angle, warnings, elsewhere)
 
 
-def _step(peeling: Any, seen: Window | None) -> tuple[Any, Any]:
-    """What a peeling wants to look at next, or its end."""
+def _step(peeling: Any, seen: Window | None, *, closely: bool) -> tuple[Any, Any]:
+    """What a peeling wants to look at next, or its end; where nothing is looked at closely, its end."""
     try:
-        return peeling.send(seen), None
+        wanted = peeling.send(seen)
+        while not closely:
+            peeling.send(None)
+        return wanted, None
     except StopIteration as end:
         return None, end.value
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from copy import copy
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
@@ -48,6 +49,12 @@ class Geometry:
         self._emission_texture = np.asarray(scene.emission_texture)
         self._textured = bool((self._reflectance_texture >= 0).any())
         self._shadows: dict[bytes, Visibility] = {}
+
+    def in_light_of(self, scene: Scene) -> Geometry:
+        """The same triangles in a scene that differs by its lamps and sky alone."""
+        other = copy(self)
+        other.scene = scene
+        return other
 
     @cached_property
     def buried(self) -> Buried:

@@ -220,7 +220,7 @@ class Scene:
         material = int(self.material[triangle]) if self.material is not None else -1
         return f"material {self.material_names[material]!r}" if material >= 0 else f"triangle {triangle}"
 
-    @property
+    @cached_property
     def origin(self) -> Float:
         """(3,) float64: the point that the solver moves to zero, so that float32 keeps its digits."""
         if not len(self.vertices):

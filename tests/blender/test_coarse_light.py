@@ -8,7 +8,7 @@ from functools import reduce
 import numpy as np
 import pytest
 from radiosity import solver
-from radiosity.radiosity_addon.first_look import first_look
+from radiosity.radiosity_addon.first_look import Shapes, first_look
 from radiosity.solver.area_lamp import Area
 from radiosity.solver.bake import irradiance
 from radiosity.solver.scene import Scene, Surface
@@ -36,7 +36,7 @@ def box(triangles: list[list[int]] = BOX, **more: object) -> Scene:
 
 
 def look_at(scene: Scene, settings: Settings | None = None):
-    return first_look(scene, settings or Settings(), lambda: False)
+    return first_look(Shapes(scene), (scene.sky, ()), settings or Settings(), lambda: False)
 
 
 @pytest.mark.parametrize(("passes", "exact"), [("both", 5.0), ("direct", 1.0), ("indirect", 4.0)])

@@ -15,7 +15,7 @@ import pytest
 from radiosity.radiosity_addon import evaluate, world_render
 from radiosity.radiosity_addon.blend_file import open_blend
 from radiosity.radiosity_addon.cycles_elsewhere import Elsewhere, can_go
-from radiosity.radiosity_addon.export import Exported, export_parts, export_scene
+from radiosity.radiosity_addon.export import export_parts, export_scene
 from radiosity.radiosity_addon.images import texture_parts
 from radiosity.radiosity_addon.job import Job
 from radiosity.radiosity_addon.parts import PAUSE, aside, some, whole
@@ -93,11 +93,12 @@ def test_a_scene_read_in_short_parts_is_the_scene_read_at_once(scene):
 def test_a_glance_has_all_surfaces_and_a_coarse_sky_before_the_rest_is_read(scene):
     # Exact answer: the triangles and the plain colour of the whole; for the image its mean, to a part of its pixels; a
     # map of 256 x 128; given once, and nothing more is read before its parts have ended.
-    seen: list[Exported] = []
+    seen: list[Any] = []
     order: list[str] = []
 
-    def glance_at(exported: Exported) -> Any:
-        seen.append(exported)
+    def glance_at(dark: Any, light: Any, settings: Settings) -> Any:
+        sky, _ = yield from light
+        seen.append((dark(), sky))
         yield
         order.append("looked")
 
@@ -107,18 +108,31 @@ def test_a_glance_has_all_surfaces_and_a_coarse_sky_before_the_rest_is_read(scen
     assert order == []
     exported = whole(parts)
     assert order == ["looked"]
-    (glance,) = seen
-    assert np.array_equal(glance.scene.vertices, exported.scene.vertices)
-    assert glance.scene.sky.radiance.shape == (COARSE.height, COARSE.width, 3)
+    ((glance, sky),) = seen
+    assert np.array_equal(glance.vertices, exported.scene.vertices)
+    assert sky.radiance.shape == (COARSE.height, COARSE.width, 3)
     wanted = fine_map(bpy.context.scene.world)
     assert exported.scene.sky.radiance.shape == (wanted.height, wanted.width, 3)
     assert wanted.width > COARSE.width
-    assert glance.scene.sky.radiance.mean(axis=(0, 1)) == pytest.approx(exported.scene.sky.radiance.mean(axis=(0, 1)),
-                                                                       rel=0.02)
-    assert glance.scene.reflectance[-1] == pytest.approx(exported.scene.reflectance[-1])
-    assert not glance.scene.textures
-    assert glance.scene.reflectance[0] == pytest.approx(exported.scene.textures[0].mean, rel=0.03)
+    assert sky.radiance.mean(axis=(0, 1)) == pytest.approx(exported.scene.sky.radiance.mean(axis=(0, 1)), rel=0.02)
+    assert glance.reflectance[-1] == pytest.approx(exported.scene.reflectance[-1])
+    assert not glance.textures
+    assert glance.reflectance[0] == pytest.approx(exported.scene.textures[0].mean, rel=0.03)
     assert len(exported.scene.textures) == 2
+
+
+def test_a_glance_has_the_lamps_of_a_render_though_the_viewport_hides_them(scene):
+    # The sun is switched off in viewports alone. Exact answer: the lamp of the whole, and no other.
+    sun = next(item for item in scene.objects if item.type == "LIGHT")
+    sun.hide_viewport = True
+    seen: list[Any] = []
+
+    def glance_at(dark: Any, light: Any, settings: Settings) -> Any:
+        yield from light
+        seen.append(dark())
+
+    whole(parts_of(scene, part_seconds=SHORT, glance=glance_at))
+    assert [lamp.name for lamp in seen[0].lights] == [sun.name]
 
 
 def test_what_cycles_evaluates_in_another_blender_is_what_it_evaluates_here(scene):
