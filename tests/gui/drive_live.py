@@ -2,15 +2,16 @@
 
 Started as `drive.py` is, with a job of tab, shots, settings, fingerprint and result. Its results: the longest times
 that the window did not answer, by what went on ("idle" is before any bake, "write" the end of one), and the longest of
-these that the extension itself had the window's thread work, in one go; seconds to the first look, and of all threads
-of Python's in that time; seconds from Esc to the end; how the file differs afterwards; what the report says of a kept
-draft. At the end Blender is quit in the middle of a bake. With "short" in the job, one bake alone is watched, up to its
-work, then cancelled.
+these that the extension itself had the window's thread work, in one go; seconds by the clock, and of threads, from the
+button until the first look is drawn; seconds from Esc to the end; how the file differs afterwards; what the report says
+of a kept draft. At the end Blender is quit in the middle of a bake. With "short" in the job, one bake alone is watched,
+up to its work, then cancelled.
 """
 
 from __future__ import annotations
 
 import json
+import os
 import sys
 import threading
 import time
@@ -30,10 +31,16 @@ TICK, IDLE, LONGEST = 0.01, 3.0, 240.0
 TRIES = 3
 # Seconds for a new look to be drawn in software.
 SHOWN = 3.0
+# Clock ticks of the kernel in a second.
+TICKS = os.sysconf("SC_CLK_TCK")
 GAPS: dict[str, float] = {}
 OWN: dict[str, float] = {}
 # Seconds of threads that have ended, by kind, and of the window's thread in our code; times that a viewport was drawn.
 SPENT: dict[str, float] = {}
+# Seconds that Blender's threads, and all of the machine's, had worked when the button was pressed; the titles of looks
+# that a viewport has drawn since.
+PRESSED: dict[str, float] = {}
+DRAWN: set[str] = set()
 
 
 def module(name: str) -> Any:
@@ -65,6 +72,7 @@ def time_own_calls() -> None:
 
         return with_clock
 
+    bake._begin = noted(bake._begin)
     bake._tick = timed(bake._tick, "")
     overlay.detach()
     overlay._draw = counted(timed(overlay._draw, "draw"))
@@ -72,12 +80,30 @@ def time_own_calls() -> None:
 
 
 def counted(call: Callable[..., Any]) -> Callable[..., Any]:
-    """Note how often a 3D viewport is drawn."""
+    """Note how often a 3D viewport is drawn, and with which looks."""
     def with_count(*arguments: Any) -> Any:
         SPENT["drawn"] = SPENT.get("drawn", 0.0) + 1
+        DRAWN.add(title())
         return call(*arguments)
 
     return with_count
+
+
+def noted(call: Callable[..., Any]) -> Callable[..., Any]:
+    """Note what had been worked when a bake begins."""
+    def with_note(*arguments: Any) -> Any:
+        DRAWN.clear()
+        SPENT.clear()
+        PRESSED.update(blender=time.process_time(), machine=worked())
+        return call(*arguments)
+
+    return with_note
+
+
+def worked() -> float:
+    """Seconds that the machine's cores have worked, or were kept by others of the host's."""
+    user, nice, system, _, _, *interrupts = Path("/proc/stat").read_text(encoding="ascii").split("\n")[0].split()[1:9]
+    return sum(map(int, (user, nice, system, *interrupts))) / TICKS
 
 
 def time_threads() -> None:
@@ -145,13 +171,15 @@ def seconds_to_draw() -> float:
 
 def cancelled(before: Any) -> Iterator[float]:
     """Watch a bake up to its first draft, then press Esc."""
-    SPENT.clear()
+    drive.SEEN["seconds_to_draw"] = seconds_to_draw()
     yield from start()
-    yield from watch(lambda: title() != "")
-    drive.SEEN["seconds_to_look"], drive.SEEN["spent_to_look"] = current().progress.elapsed, dict(SPENT)
+    # The window goes on once the picture is on the screen.
+    yield from watch(lambda: "first look" in DRAWN)
+    drive.SEEN["seconds_to_look"], machine = current().progress.elapsed, worked() - PRESSED["machine"]
+    SPENT["blender"] = time.process_time() - PRESSED["blender"]
+    drive.SEEN["spent_to_look"] = {**SPENT, "others": machine - SPENT["blender"]}
     yield SHOWN
     yield from drive.shot("large-1-first-look" if drive.JOB.get("short") else "live-1-first-look")
-    drive.SEEN["seconds_to_draw"] = seconds_to_draw()
     if drive.JOB.get("short"):
         yield from watch(lambda: current().progress.stage == "draft")
     else:

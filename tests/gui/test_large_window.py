@@ -1,6 +1,7 @@
 """A watched bake of a large scene, by mouse in the real Blender's window: what it keeps from the user, how long.
 
-The machine that runs this may do other work, so what is asserted is the time of threads; the clock's is printed.
+The machine that runs this may do other work, so what is asserted is the time of threads; that of the clock is asserted
+where little else goes on, and printed always.
 """
 
 from __future__ import annotations
@@ -14,8 +15,12 @@ from radiosity.tests.gui.test_live_window import LONGEST_CALL, LONGEST_CANCEL, L
 
 pytestmark = [pytest.mark.slow, pytest.mark.timeout(900)]
 SCENE = Path(__file__).resolve().parents[3] / "shared" / "scenes" / "classroom" / "classroom.blend"
-# Seconds, of all threads together, from the button to a first coarse light on every surface.
+# A small window: drawing is software here, and each picture costs as much as a graphics card would draw in a second.
+SMALL = ("--enable-event-simulate", "--window-geometry", "0", "0", "640", "600")
+# Seconds from the button until a first coarse light on every surface is drawn.
 LOOK = 2.0
+# Part of a core that other programs may use where the clock's seconds are to be Blender's own.
+OTHERS = 0.25
 
 
 @pytest.fixture(scope="module")
@@ -26,7 +31,7 @@ def seen(linux_zip: Path, tmp_path_factory: pytest.TempPathFactory, real_blender
     folder = tmp_path_factory.mktemp("large")
     installed(folder, linux_zip)
     scene = Path(shutil.copyfile(SCENE, folder / "classroom.blend"))
-    return watch(folder, scene, {"short": True, "settings": {"preset": "medium", "resolution": 512}})[0]
+    return watch(folder, scene, {"short": True, "settings": {"preset": "medium", "resolution": 512}}, SMALL)[0]
 
 
 def test_the_window_is_never_kept_for_long(seen: dict[str, Any]) -> None:
@@ -38,9 +43,19 @@ def test_the_window_is_never_kept_for_long(seen: dict[str, Any]) -> None:
 
 
 def test_the_whole_scene_is_shown_within_two_seconds_of_work(seen: dict[str, Any]) -> None:
-    # From the button to the first look, all threads of Python's one after another: what a machine with one idle core
-    # would need. Drawing, which is software here, is not in it.
-    assert sum(seconds for what, seconds in seen["spent_to_look"].items() if what != "drawn") < LOOK
+    # From the button until the first look is drawn, all of Python's threads and our calls one after another: what a
+    # machine with one idle core would need. Drawing, which is software here, is not in it.
+    apart = {"drawn", "blender", "others"}
+    assert sum(seconds for what, seconds in seen["spent_to_look"].items() if what not in apart) < LOOK
+
+
+def test_the_whole_scene_is_shown_within_two_seconds(seen: dict[str, Any]) -> None:
+    # By the clock, from the button until the first look is on the screen, every drawing of the window included.
+    others = seen["spent_to_look"]["others"] / seen["seconds_to_look"]
+    if others > OTHERS:
+        pytest.skip(f"other programs use {others:.1f} cores: it took {seen['seconds_to_look']:.1f} s, of which "
+                    f"Blender's threads worked {seen['spent_to_look']['blender']:.1f} s, drawing included")
+    assert seen["seconds_to_look"] < LOOK
 
 
 def test_esc_ends_a_large_bake_within_a_second(seen: dict[str, Any]) -> None:

@@ -21,14 +21,15 @@ LONGEST_GAP = 3.0
 TOLD = ("gaps", "own", "seconds_to_look", "seconds_to_draw", "spent_to_look", "seconds_to_cancel")
 
 
-def watch(folder: Path, scene: Path, job: dict[str, Any]) -> tuple[dict[str, Any], int]:
+def watch(folder: Path, scene: Path, job: dict[str, Any],
+          window: tuple[str, ...] = WINDOW) -> tuple[dict[str, Any], int]:
     """Let `drive_live` visit a scene in a real Blender's window, where the extension is installed in `folder`; what it
     saw, and Blender's exit code. `job` has what the driver is told beside paths."""
     result = folder / "seen.json"
     SHOTS.mkdir(parents=True, exist_ok=True)
     told_to = {"tab": "Radiosity", "shots": str(SHOTS), "result": str(result),
                "fingerprint": str(HERE.parent / "blender" / "fingerprint.py"), **job}
-    done = real_blender_tool.run([*WINDOW, str(scene), "--python", str(HERE / "drive_live.py")], folder / "resources",
+    done = real_blender_tool.run([*window, str(scene), "--python", str(HERE / "drive_live.py")], folder / "resources",
                                  timeout=780, program=SCREEN, extra={"DRIVE_JOB": json.dumps(told_to)})
     assert result.is_file(), done.stdout
     told = json.loads(result.read_text(encoding="utf-8"))
