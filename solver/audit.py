@@ -23,6 +23,7 @@ from .direct import DirectLight
 from .footprints import Footprints
 from .geometry import Geometry
 from .lamp_draw import LampDraw
+from .light_bounds import LightBounds
 from .lights import Light
 from .linking import Reach, links_of
 from .parallel import Run, slices
@@ -42,7 +43,10 @@ EXPECTED_DOUBT = 0.5
 # Standard errors to either side of an interval of 95 %.
 INTERVAL = 1.96
 # Shadow rays of a receiver and lamp in each group.
-DIRECT_RAYS = 64
+DIRECT_RAYS = 32
+# By which part of their mean the lamps' light in each group may be off (standard deviation): beside a lamp and in
+# penumbrae there are more rays.
+DIRECT_ERROR = 0.1
 # A path ends for certain after this many bounces (a closed room of reflectance .9 has .9^64 = 1e-3 left).
 MOST_BOUNCES = 64
 # From this bounce on, paths end at random in proportion to what they carry.
@@ -103,13 +107,16 @@ def error_bar(baked: Float, groups: Float, expected: float | None = None) -> Err
     noise = groups.var(axis=1, ddof=1) / groups.shape[1]
     level_noise = float(np.sqrt(noise.mean(axis=1).sum())) / len(baked) / level
     deviation = baked - mean
-    # As against a renderer: the largest deviations, one in a thousand and at least one, are left out; the largest
-    # beyond the audit's own noise, lest its brightest paths are left out and the others taken for the truth.
-    excess = (deviation**2 - noise).sum(axis=1)
-    kept = np.argsort(excess, kind="stable")[: len(baked) - -(-len(baked) // 1000)]
-    if len(kept) > 1:
-        deviation, noise = deviation[kept], noise[kept]
-    squares = (deviation**2 - noise).mean(axis=1)
+    # As against a renderer: the largest deviations, one in a thousand, are left out; the largest beyond the audit's own
+    # noise, lest its brightest paths are left out and the others taken for the truth. Of few receivers the largest is
+    # left out in part: all of it would be more than one in a thousand, and what is left too good.
+    order = np.argsort((deviation**2 - noise).sum(axis=1), kind="stable")
+    left_out = len(baked) / 1000
+    order = order[: len(baked) - int(left_out)]
+    deviation, noise = deviation[order], noise[order]
+    weight = np.ones(len(order))
+    weight[-1] -= left_out % 1
+    squares = (deviation**2 - noise).mean(axis=1) * (weight / weight.mean())
     square = max(float(squares.mean()), 0.0)
     own = float(squares.std(ddof=1)) / np.sqrt(len(squares)) if len(squares) > 1 else 0.0
     doubt = INTERVAL * own
@@ -175,6 +182,7 @@ class Auditor:
         self._banks, self._bank, self._place, blockers = banks(self.lights)
         self._shadows = [geometry.shadows_of(some) for some in blockers]
         self._reach = Reach.of([links_of(light) for light in self.lights], len(geometry.scene.surfaces))
+        self._bounds = LightBounds.of(self.lights)
         self._draw = LampDraw(self.lights, geometry, self._reach) if len(self.lights) > FEW_LAMPS else None
 
     def truth(self, places: Footprints, rows: Int, paths: int, run: Run) -> Truth:
@@ -190,8 +198,11 @@ class Auditor:
     def _direct(self, places: Footprints, rows: Int, run: Run) -> Float:
         """The lamps' light at footprints `rows`, in independent groups: (k, groups, 3)."""
         some = _Some(places, rows)
-        samplers = (DirectLight(self.geometry, self.lights, self.seed + 1 + group) for group in range(GROUPS))
-        return np.stack([sampler.irradiance(some, run, pilot=DIRECT_RAYS) for sampler in samplers], axis=1)
+        seeds = range(self.seed + 1, self.seed + 1 + GROUPS)
+        level = float(DirectLight(self.geometry, self.lights, seeds.stop).irradiance(some, run).mean())
+        return np.stack([DirectLight(self.geometry, self.lights, seed).irradiance(some, run, DIRECT_ERROR * level,
+                                                                                  DIRECT_RAYS)
+                         for seed in seeds], axis=1)
 
     def _paths(self, places: Footprints, rows: Int, each: int, generator: np.random.Generator,
                run: Run) -> tuple[Float, Float]:
@@ -277,9 +288,17 @@ class Auditor:
         given = np.where(free, towards.weight, 0)
         # Right beside a lamp a ray's weight goes to infinity. There the closed form is taken, and what rays find hidden
         # is taken off: on the average the same, and with no variance where nothing is.
-        closed = bank.irradiance(points, normals, place)
-        given = np.where(closed > BESIDE, closed - np.where(free, 0, towards.weight), given)
+        rows = self._beside(points, lamp)
+        closed = bank.irradiance(points[rows], normals[rows], place[rows])
+        given[rows] = np.where(closed > BESIDE, closed - np.where(free[rows], 0, towards.weight[rows]), given[rows])
         return np.asarray(given[:, None] * self._colour[lamp], np.float32)
+
+    def _beside(self, points: Float, lamp: Int) -> Int:
+        """Which of the points may see BESIDE of their surroundings filled by their lamps: (r / d)^2 is what a sphere
+        about a lamp fills at most."""
+        offset = self._bounds.centre[lamp] - points
+        near = np.einsum("ij,ij->i", offset, offset) * np.float32(BESIDE) < self._bounds.radius[lamp] ** 2
+        return np.flatnonzero((near & ~self._bounds.far[lamp]) | self._bounds.unknown[lamp])
 
 
 class _Some:

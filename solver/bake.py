@@ -73,6 +73,8 @@ REFINE_SHARE = 3.0
 # Where the triangles that the receivers see have no more cells than this, all of them take part, met or not, and the
 # energy adds up over whole surfaces.
 COMPLETE_CELLS = 2**18
+# Cells are divided in which the lamps' light varies by more than this many times the wanted error of the mean light.
+STEEP = 16.0
 # All rows are traced anew, with MORE_RAYS times the rays, while their noise shifts the mean light by more than this
 # part of the wanted error; so often at most, and while all rows hold no more hits (up to 17 bytes each).
 LEVEL_SHARE, MORE_RAYS, MOST_RETRACED, MOST_HITS = 0.15, 4, 2, 3 * 2**24
@@ -131,6 +133,7 @@ class _Work:
                              float(looks.weight.sum()) / self.plan.patches)
             cells = Cells(self.geometry, self.plan.cell_size)
             transport = Transport(self.geometry, self.direct, self.sampled_emitter, cells, patches, seed, self.run)
+            transport.met.steep = STEEP * self.settings.error * (self.lamps + looks.straight)
             step = max(1, len(places) * PILOT_RAYS // PILOT_TOTAL)
             self.fans = Fans(places)
             some = np.arange(0, len(places), step)

@@ -3,6 +3,9 @@
 The grid runs along the two sides that meet at the triangle's widest angle, so that cells are about as long as wide
 however thin the triangle is; a small triangle is one cell. Both sides of a cell are kept apart. A cell is given a row
 in the tables only when a ray first meets it ("model no more than a scene needs").
+
+Where the light varies much inside a cell, as right beside a lamp, it can be divided: what meets it later reads FINER
+times FINER smaller ones. It keeps its own row, and stands for all of its area.
 """
 
 from __future__ import annotations
@@ -23,6 +26,8 @@ MAX_SIDES = 2**26
 # Finest grid along one side of a triangle.
 MAX_DIVISIONS = 2**14
 NOTHING = -1
+# Along each edge of a cell that is divided, and most cells that are.
+FINER, MOST_DIVIDED = 4, 2**16
 # The weights of the two corners after the widest (which is corner 0, 1 or 2), each as a product with (u, v, 1, 0).
 _AXES = np.array([[1, 0, 0, 0, 0, 1, 0, 0], [0, 1, 0, 0, -1, -1, 1, 0], [-1, -1, 1, 0, 1, 0, 0, 0]], np.float32)
 
@@ -51,9 +56,15 @@ class Cells:
         self._axes = _AXES[self._first] * np.repeat(self._divisions, 4, axis=1).astype(np.float32)
         self._grid = np.stack([self._base, self._divisions[:, 0] - 1, self._divisions[:, 1], self._divisions[:, 1] - 1],
                               axis=1).astype(np.int32)
+        # Sides from here on are those of smaller cells: FINER^2 pairs for each pair before.
+        self._finer = int(count.sum()) * 2
         # 0: not met; else row + 1. The last entry stands for NOTHING.
-        self._row_of = np.zeros(int(count.sum()) * 2 + 1, np.int32)
+        self._row_of = np.zeros(self._finer + 1, np.int32)
         self._side = Growing((), np.int64)
+        # For each row + 1, 0 or the number of its division + 1; for each division and smaller cell, 0 or row + 1.
+        self._division = Growing((), np.int32)
+        self._division.append(np.zeros(1, np.int32))
+        self._row_of_smaller = Growing((FINER**2,), np.int32)
 
     def __len__(self) -> int:
         return len(self._side)
@@ -67,18 +78,53 @@ class Cells:
         """The side of a cell that each hit lies on: (n,) int64; NOTHING where triangle is negative."""
         # Where triangle is negative, this reads the last triangle's.
         axes, grid = np.take(self._axes, triangle, axis=0), np.take(self._grid, triangle, axis=0)
-        i = (axes[:, 0] * u + axes[:, 1] * v + axes[:, 2]).astype(np.int32)
-        j = (axes[:, 4] * u + axes[:, 5] * v + axes[:, 6]).astype(np.int32)
-        cell = np.minimum(i, grid[:, 1]) * grid[:, 2] + np.minimum(j, grid[:, 3])
-        return np.where(triangle >= 0, grid[:, 0] + 2 * cell + front, np.int32(NOTHING)).astype(np.int64)
+        x = axes[:, 0] * u + axes[:, 1] * v + axes[:, 2]
+        y = axes[:, 4] * u + axes[:, 5] * v + axes[:, 6]
+        i, j = np.minimum(x.astype(np.int32), grid[:, 1]), np.minimum(y.astype(np.int32), grid[:, 3])
+        side = np.where(triangle >= 0, grid[:, 0] + 2 * (i * grid[:, 2] + j) + front, np.int32(NOTHING))
+        if len(self._row_of_smaller):
+            divided = np.flatnonzero(np.take(self._division.values, np.take(self._row_of, side)))
+            inside = [np.clip((place[divided] - whole[divided]) * FINER, 0, FINER - 1).astype(np.int32)
+                      for place, whole in ((x, i), (y, j))]
+            side[divided] = self._smaller(side[divided], inside[0] * FINER + inside[1])
+        return side.astype(np.int64)
+
+    def _smaller(self, side: Int, number: Int) -> Int:
+        """The side of a smaller cell, by its number in the cell that holds it."""
+        return self._finer + ((side >> 1) * FINER**2 + number) * 2 + (side & 1)
+
+    def _holding(self, side: NDArray[np.int64]) -> tuple[NDArray[np.int64], Int]:
+        """The cell that holds each smaller one (else itself), and its number in there (else -1)."""
+        small = side >= self._finer
+        pair = (side - self._finer) >> 1
+        number = np.where(small, pair % FINER**2, -1)
+        return np.where(small, pair // FINER**2 * 2 + (side & 1), side), number
 
     def meet(self, sides: NDArray[np.int64]) -> slice:
         """Give rows to the sides that have none yet, in the order of their numbers; return the new rows."""
         fresh = self.unmet(sides)
         first = len(self)
-        self._row_of[fresh] = np.arange(first + 1, first + 1 + len(fresh), dtype=np.int32)
+        new = np.arange(first + 1, first + 1 + len(fresh), dtype=np.int32)
+        whole = int(np.searchsorted(fresh, self._finer))
+        self._row_of[fresh[:whole]] = new[:whole]
+        if whole < len(fresh):
+            self._row_of_smaller.values[self._place(fresh[whole:])] = new[whole:]
         self._side.append(fresh)
+        self._division.append(np.zeros(len(fresh), np.int32))
         return slice(first, len(self))
+
+    def divide(self, rows: Int) -> None:
+        """Let what meets these cells from now on read smaller ones; smaller ones are not divided again."""
+        rows = rows[self.side[rows] < self._finer]
+        rows = rows[self._division.values[rows + 1] == 0][:MOST_DIVIDED - len(self._row_of_smaller)]
+        first = len(self._row_of_smaller) + 1
+        self._division.values[rows + 1] = np.arange(first, first + len(rows), dtype=np.int32)
+        self._row_of_smaller.append(np.zeros((len(rows), FINER**2), np.int32))
+
+    def _place(self, smaller: NDArray[np.int64]) -> tuple[Int, Int]:
+        """Where the row of a smaller cell stands."""
+        holding, number = self._holding(smaller)
+        return self._division.values[self._row_of[holding]] - 1, number
 
     def unmet(self, sides: NDArray[np.int64]) -> NDArray[np.int64]:
         """The sides that have no row yet, each once, in the order of their numbers."""
@@ -86,11 +132,21 @@ class Cells:
 
     def are_new(self, sides: NDArray[np.int64]) -> NDArray[np.bool_]:
         """Which of the sides (n,) are cells without a row."""
-        return np.asarray((np.take(self._row_of, sides) == 0) & (sides >= 0))
+        return np.asarray((self._number(sides) == 0) & (sides >= 0))
 
     def rows(self, sides: NDArray[np.int64]) -> NDArray[np.int32]:
         """The row of each side; NOTHING where it has none."""
-        return np.asarray(np.take(self._row_of, sides) - np.int32(1))
+        return np.asarray(self._number(sides) - np.int32(1))
+
+    def _number(self, sides: NDArray[np.int64]) -> NDArray[np.int32]:
+        """0 where a side has no row, else row + 1."""
+        if not len(self._row_of_smaller):
+            return np.take(self._row_of, sides)
+        number = np.take(self._row_of, sides, mode="clip")
+        small = np.flatnonzero(sides >= self._finer)
+        number[small] = self._row_of_smaller.values[self._place(sides[small])]
+        number[sides < 0] = 0
+        return number
 
     def companions(self, most: int) -> NDArray[np.int64]:
         """All cells on the sides of triangles of which one was met; none where that would be more than `most`."""
@@ -108,12 +164,12 @@ class Cells:
 
     def triangle_of(self, side: NDArray[np.int64]) -> NDArray[np.int32]:
         """The triangle of each side."""
-        return np.asarray(np.searchsorted(self._base, side, side="right") - 1, np.int32)
+        return np.asarray(np.searchsorted(self._base, self._holding(side)[0], side="right") - 1, np.int32)
 
     def area(self, side: NDArray[np.int64]) -> Float:
-        """The area of each side, m2."""
+        """The area of each side, m2; 0 for smaller ones, since it is that of the cell that holds them."""
         box = _Box(self, side)
-        return np.asarray(2 * self.geometry.area[box.triangle] * box.share, np.float32)
+        return np.asarray(2 * self.geometry.area[box.triangle] * np.where(side < self._finer, box.share, 0), np.float32)
 
     def places(self, side: NDArray[np.int64], x: Float,
                y: Float) -> tuple[NDArray[np.int32], Float, Float, NDArray[np.bool_]]:
@@ -136,9 +192,12 @@ class _Box:
     def __init__(self, cells: Cells, side: NDArray[np.int64]) -> None:
         self.triangle = cells.triangle_of(side)
         divisions = cells._divisions[self.triangle]
-        i, j = np.divmod((side - cells._base[self.triangle]) >> 1, divisions[:, 1])
-        self._a, self._b = 1 / divisions[:, 0], 1 / divisions[:, 1]
-        self._low_a, self._low_b = i * self._a, j * self._b
+        holding, number = cells._holding(side)
+        i, j = np.divmod((holding - cells._base[self.triangle]) >> 1, divisions[:, 1])
+        row, column = np.divmod(np.maximum(number, 0), FINER)
+        along = np.where(number < 0, 1, FINER)
+        self._a, self._b = 1 / (along * divisions[:, 0]), 1 / (along * divisions[:, 1])
+        self._low_a, self._low_b = (along * i + row) * self._a, (along * j + column) * self._b
         # How much of a + b is left at the box's low corner, in boxes: the cut runs from (0, height) to (width, 0).
         rest = np.maximum(1 - self._low_a - self._low_b, 1e-9)
         self._width, self._height = rest / self._a, rest / self._b

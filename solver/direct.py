@@ -94,7 +94,7 @@ class DirectLight:
 
     def apart(self, places: Footprints, run: Run, tolerance: float = 0.0, pilot: int = PILOT_RAYS,
               small_share: float = SMALL_SHARE, neighbours: Int | None = None,
-              closed: int = CLOSED_SAMPLES_OF_MANY) -> Float:
+              closed: int = CLOSED_SAMPLES_OF_MANY, varied: Float | None = None) -> Float:
         """Direct irradiance of each footprint, and after it that of every light group.
 
         Parameters
@@ -105,6 +105,8 @@ class DirectLight:
         small_share : see SMALL_SHARE; of no account where a tolerance is given.
         neighbours : (n, 8) int rows next to each footprint, -1 for none: where they disagree, rays are added.
         closed : places of a footprint at which closed forms are asked for, where there are many lamps.
+        varied : (n,) to which is added by how much each lamp's closed form varies on a footprint (standard deviation,
+            mean of the channels, W/m2).
 
         Returns
         -------
@@ -116,7 +118,8 @@ class DirectLight:
         wish = Wish(tolerance, pilot, small_share, CLOSED_SAMPLES if self._chooser is None else closed)
         if self._chooser is None:
             for lamp in range(len(self.lights)):
-                self._add(total, everybody(self._reach.rows(lamp, places), lamp, wish), places, wish, neighbours, run)
+                looks = everybody(self._reach.rows(lamp, places), lamp, wish)
+                self._add(total, looks, places, wish, neighbours, run, varied)
             return total
         most = (FINE_REGION if tolerance > 0 else REGION, BLOCK)
         regions, blocks, single = Blocks.nested(places, most, run, self._reach.kinds(places))
@@ -124,7 +127,7 @@ class DirectLight:
         within = np.searchsorted(regions.begin, blocks.begin[:-1], side="right") - 1
         for batch in self._chooser.batches(blocks):
             looks = self._chooser.looks(blocks.take(batch), single, shown[within[batch]], places, wish)
-            self._add(total, looks, places, wish, neighbours, run)
+            self._add(total, looks, places, wish, neighbours, run, varied)
         return total
 
     def _attempt(self, places: Footprints, lamp: Int, rows: Int, run: Run) -> tuple[Float, Float]:
@@ -145,7 +148,7 @@ class DirectLight:
         return out[0], out[1]
 
     def _add(self, total: Float, looks: Looks, places: Footprints, wish: Wish, neighbours: Int | None,
-             run: Run) -> None:
+             run: Run, every_varied: Float | None) -> None:
         """Add what lamps give to those who look at them."""
         if not len(looks):
             return
@@ -154,6 +157,9 @@ class DirectLight:
         looks = looks.take(order)
         sums = self._sums(looks, places, np.zeros(len(looks), np.int64), looks.rays, looks.closed, wish.closed, run)
         value, spread = ratio(sums, looks.rays)
+        varied = sums.varied * self._brightness[looks.lamp] * looks.factor
+        if every_varied is not None:
+            every_varied += np.bincount(looks.rows, varied, len(total))
         # A lamp of which the rays met only what lies below the horizon gives something all the same.
         wanted = np.where((sums.tried == 0) & (sums.closed > 0), LOST_FACTOR * looks.rays, 0.0)
         ask = np.zeros(len(looks), bool)
@@ -162,7 +168,6 @@ class DirectLight:
             sigma = np.where(doubt, np.maximum(spread, sums.level * 0.25), 0) * (
                 self._brightness[looks.lamp] * looks.factor)
             wanted = np.maximum(wanted, np.where(sigma > 0, (sigma / wish.tolerance) ** (1 / QMC_RATE), 0))
-            varied = sums.varied * self._brightness[looks.lamp] * looks.factor
             ask = varied > wish.tolerance * sums.places**QMC_RATE
             wanted = np.where(ask, np.maximum(wanted, (varied / wish.tolerance) ** (1 / QMC_RATE)), wanted)
         some, count = _more(looks.rays, np.minimum(wanted, MOST_RAYS))

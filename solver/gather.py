@@ -142,6 +142,7 @@ class Gather:
             going = traced
             for bounce in range(MOST_BOUNCES):
                 self.transport.meet([rays.fresh for rays in going])
+                self.transport.look_again([rays.met for rays in going])
                 self.transport.late(LATE_RAYS)
                 run.map(_Step(self.transport, bounce).follow, going)
                 going = [rays for rays in going if len(rays.going)]

@@ -18,6 +18,7 @@ from .sampling import kronecker, shifted, shifts
 from .seen import Seen, SeenFootprints
 
 Float = NDArray[np.floating[Any]]
+Int = NDArray[np.integer[Any]]
 
 CHUNK_RAYS = 2**17
 # Fewer cells than this are not worth a thread.
@@ -32,16 +33,25 @@ CELL_SMALL_SHARE = 0.1
 
 
 class MetCells:
-    """Tables of the met sides of cells, a row each, in the order in which they were met."""
+    """Tables of the met sides of cells, a row each, in the order in which they were met.
+
+    Attributes
+    ----------
+    steep : radiosity, W/m2; cells in which that of lamps varies by more are divided (standard deviation, where nothing
+        is hidden).
+    """
 
     def __init__(self, geometry: Geometry, direct: DirectLight, sampled_emitter: NDArray[np.bool_], cells: Cells,
                  seed: int, run: Run) -> None:
         self.geometry, self.cells = geometry, cells
         self.light, self._sampled_emitter = direct, sampled_emitter
         self._seed, self._run = seed, run
+        self.steep = np.inf
         columns = 3 if direct.split is None else direct.split.columns
         self._incident, self._direct = Growing((columns,)), Growing((columns,))
         self._emission, self._reflectance, self._points, self._normals = (Growing((3,)) for _ in range(4))
+        self._varied, self._places = Growing(), Growing((), np.uint8)
+        self._tables = (self._incident, self._direct, self._emission, self._reflectance, self._varied, self._places)
         self._start, self._gap, self._triangle = Growing((8,)), Growing(), Growing((), np.int32)
 
     def __len__(self) -> int:
@@ -92,6 +102,11 @@ class MetCells:
         """The cells' middles."""
         return Spots(self._points.values, self._normals.values, self._triangle.values, self._gap.values)
 
+    @property
+    def places(self) -> NDArray[np.uint8]:
+        """(n,) points of each cell that its light was asked for at."""
+        return self._places.values
+
     def meet(self, seen: Sequence[Seen]) -> slice:
         """Fill in the cells that are new; return their rows."""
         fresh = Seen.join(seen)
@@ -99,15 +114,32 @@ class MetCells:
         new = self.cells.meet(fresh.side)
         if new.start < new.stop:
             places = SeenFootprints(self.geometry, self.cells, fresh)
-            reflectance, emission = self._materials(places)
-            incident = self.light.apart(places, self._run, pilot=CELL_SAMPLES, small_share=CELL_SMALL_SHARE,
-                                        closed=CELL_CLOSED)
-            self._incident.append(incident)
-            self._emission.append(emission)
-            self._reflectance.append(reflectance)
-            self._direct.append(self._leaving(self.cells.side[new], reflectance, incident, emission))
+            for table, values in zip(self._tables, self._asked(places), strict=True):
+                table.append(values)
             self._place(places)
+            self._divide(new)
         return new
+
+    def renew(self, seen: Sequence[Seen]) -> None:
+        """Ask anew for the light of cells that have been met, at other points."""
+        places = SeenFootprints(self.geometry, self.cells, Seen.join(seen).few())
+        rows = self.cells.rows(places.identity)
+        for table, values in zip(self._tables, self._asked(places), strict=True):
+            table.values[rows] = values
+        self._divide(rows)
+
+    def _asked(self, places: SeenFootprints) -> tuple[NDArray[Any], ...]:
+        """A row of `_tables` for each cell."""
+        reflectance, emission = self._materials(places)
+        varied = np.zeros(len(places))
+        incident = self.light.apart(places, self._run, pilot=CELL_SAMPLES, small_share=CELL_SMALL_SHARE,
+                                    closed=CELL_CLOSED, varied=varied)
+        return (incident, self._leaving(places.identity, reflectance, incident, emission), emission, reflectance,
+                varied, places.count)
+
+    def _divide(self, rows: slice | Int) -> None:
+        steep = self._varied.values[rows] * self.reflectance[rows].mean(axis=1) > self.steep
+        self.cells.divide(np.arange(len(self))[rows][steep])
 
     def meet_whole(self, sides: NDArray[np.int64]) -> slice:
         """Fill in cells that no ray met, as if they were seen all over; return their rows."""

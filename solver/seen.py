@@ -23,8 +23,8 @@ Int = NDArray[np.integer[Any]]
 
 # Points of a cell that are kept.
 PLACES = 4
-# Bits of a cell's side (`cells.MAX_SIDES`) in a key that is sorted by; the others are random.
-SIDE_BITS = 27
+# Bits of a cell's side (of `cells.MAX_SIDES` and FINER^2 times as many) in a key to sort by; the others are random.
+SIDE_BITS = 31
 
 
 @dataclass(frozen=True, eq=False)
@@ -62,13 +62,18 @@ class Seen:
 
 
 class SeenFootprints(EachPoint):
-    """Cells, as footprints made of a few points each."""
+    """Cells, as footprints made of a few points each.
+
+    Attributes
+    ----------
+    count : (n,) points of each.
+    """
 
     def __init__(self, geometry: Geometry, cells: Cells, seen: Seen) -> None:
         """`seen` is what `Seen.few` returns."""
         self._geometry = geometry
         self._first = np.flatnonzero(np.diff(seen.side, prepend=-1))
-        self._count = np.diff(self._first, append=len(seen.side))
+        self.count = np.diff(self._first, append=len(seen.side))
         self._u, self._v = seen.u, seen.v
         self.identity = seen.side[self._first]
         self.triangle = cells.triangle_of(self.identity)
@@ -84,7 +89,7 @@ class SeenFootprints(EachPoint):
 
     def at(self, rows: Int, x: Float) -> tuple[Int, Float, Float]:
         """Triangle, u and v (n,) of points of cells `rows`, drawn by x in [0, 1)."""
-        point = self._first[rows] + (x * self._count[rows]).astype(np.int64)
+        point = self._first[rows] + (x * self.count[rows]).astype(np.int64)
         return self.triangle[rows], self._u[point], self._v[point]
 
     def sample(self, rows: Int, x: Float, y: Float) -> tuple[Float, Float]:

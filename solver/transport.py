@@ -25,7 +25,7 @@ from .patches import Patches
 from .row_system import solve_rows
 from .rows import Rows
 from .sampling import cosine_directions, kronecker, shifted, shifts
-from .seen import Seen
+from .seen import PLACES, Seen
 from .tables import padded
 from .visibility import Hits
 
@@ -40,6 +40,8 @@ CHUNK_RAYS = 2**17
 LEAST_RAYS = 2**13
 # Generations of patches that see patches that see ... before what is newly met is left to an average.
 MOST_WAVES = 8
+# A cell's light is asked for anew where this many rays meet it for each point at which it was.
+AGAIN = 16
 # Rays that a patch's whole area counts for, beside those of the receivers that met it.
 AREA_RAYS = 0.1
 
@@ -56,8 +58,11 @@ class Met:
 
     def fresh(self, cells: Cells) -> Seen:
         """Where cells that have no row yet were met: a few points of each."""
-        new = np.flatnonzero(cells.are_new(self.sides))
-        return Seen(self.sides[new], self.hits.u[new], self.hits.v[new]).few()
+        return self.at(np.flatnonzero(cells.are_new(self.sides)))
+
+    def at(self, rays: Int) -> Seen:
+        """Where some of the rays met cells: a few points of each."""
+        return Seen(self.sides[rays], self.hits.u[rays], self.hits.v[rays]).few()
 
     def where_above(self, directions: Float, normals: Float) -> Met:
         """Without what came from under the surfaces (n, 3) that rays started on: a shading normal may lead there."""
@@ -123,6 +128,22 @@ class Transport:
     def meet(self, seen: Sequence[Seen]) -> None:
         """Give every met side of a cell its direct light, reflectance and patch."""
         self._settle_in(self.met.meet(seen))
+
+    def look_again(self, some: Sequence[Met]) -> None:
+        """Ask anew for the light of cells that many rays meet, where it was asked for at fewer points than could be.
+
+        A ray from afar may have met such a cell first, in a part of it that is hidden from those that meet it now.
+        """
+        rows = self.run.map(lambda met: self.cells.rows(met.sides), some)
+        hits = np.zeros(len(self.cells), np.int64)
+        for row in rows:
+            hits += np.bincount(row[row >= 0], minlength=len(hits))
+        few = (self.met.places < PLACES) & (hits >= AGAIN * self.met.places)
+        if few.any():
+            few = np.append(few, False)  # the last entry is NOTHING's
+            self.met.renew(self.run.map(lambda job: job[0].at(np.flatnonzero(few[job[1]])),
+                                        list(zip(some, rows, strict=True))))
+            self._settled = 0
 
     def meet_whole(self, sides: NDArray[np.int64]) -> None:
         """The same for cells that no ray met."""

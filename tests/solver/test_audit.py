@@ -70,6 +70,16 @@ def test_one_receiver_in_a_thousand_is_left_out():
     assert error_bar(baked, groups).rms > 1
 
 
+def test_of_few_receivers_no_more_than_one_in_a_thousand_is_left_out():
+    # One receiver in twenty is off by as much as the mean light, no other at all. Without .256 of the 256, the mean
+    # square is (12.8 - .256) / 255.744; without one of them it would be 11.8 / 255. Over 2,000 audits, to 4 deviations.
+    off = np.random.default_rng(11).random((2000, 256, 1)) < 0.05
+    squares = [error_bar(1 + some * np.ones(3), np.ones((256, GROUPS, 3))).rms ** 2 for some in off]
+    doubt = 4 * np.std(squares) / 2000**0.5
+    assert doubt < 0.5 * (12.544 / 255.744 - 11.8 / 255)
+    assert np.mean(squares) == pytest.approx(12.544 / 255.744, abs=doubt)
+
+
 def test_strength_of_light_changes_no_relative_error():
     # A thousand times brighter, a millionth as bright.
     baked, groups, _ = _case(5, 0.03, 0.03)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from radiosity.solver.cells import NOTHING, Cells
+from radiosity.solver.cells import FINER, NOTHING, Cells
 from radiosity.solver.geometry import Geometry
 from radiosity.tests.solver.rooms import shape
 
@@ -126,3 +126,43 @@ def test_companions_are_all_cells_that_have_an_area_or_none_where_there_are_too_
     assert set(cells.triangle_of(found)) == {3}
     assert (cells.area(found) > 0).all()
     assert len(cells.companions(3)) == 0
+
+
+def _divided(name, size):
+    """Cells of which every one was met and divided, and the sides of all smaller ones that are met then."""
+    cells = _cells([TRIANGLES[name]], size)
+    sides = _all_sides(cells)
+    cells.meet(sides)
+    cells.divide(np.arange(len(cells)))
+    return cells, sides, _all_sides(cells, 900)
+
+
+@pytest.mark.parametrize("name", TRIANGLES)
+def test_a_place_in_a_smaller_cell_lies_in_it_and_in_the_cell_that_holds_it(name):
+    # sides(places(side, x, y)) = side again; a plain `Cells` of the same size tells the cell around: its places spread
+    # over the smaller ones evenly, 16 to a cell that lies inside the triangle.
+    cells, sides, smaller = _divided(name, 0.3)
+    assert not np.isin(smaller, sides).any()
+    x, y = np.random.default_rng(1).uniform(0.01, 0.99, (2, len(smaller)))
+    places = cells.places(smaller, x, y)
+    assert (cells.sides(*places) != smaller).mean() < 0.01
+    around = _cells([TRIANGLES[name]], 0.3).sides(*places)
+    assert np.isin(around, sides).all()
+    assert np.array_equal(cells.triangle_of(smaller), np.zeros(len(smaller)))
+    assert np.bincount(np.unique(around, return_inverse=True)[1]).max() == FINER**2
+
+
+def test_a_divided_cell_keeps_its_row_and_its_area():
+    # Smaller ones count no area, have rows of their own once they are met, and are not divided again.
+    cells, sides, smaller = _divided("oblique", 0.3)
+    before, area = cells.rows(sides), cells.area(sides)
+    assert (cells.rows(smaller) == NOTHING).all()
+    new = cells.meet(smaller)
+    assert new == slice(len(sides), len(sides) + len(smaller))
+    assert cells.rows(smaller).tolist() == list(range(new.start, new.stop))
+    assert np.array_equal(cells.rows(sides), before)
+    assert np.array_equal(cells.area(sides), area)
+    assert not cells.area(smaller).any()
+    assert cells.rows(np.array([NOTHING])).tolist() == [NOTHING]
+    cells.divide(np.arange(len(cells)))
+    assert np.array_equal(_all_sides(cells, 900), smaller)

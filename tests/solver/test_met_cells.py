@@ -1,0 +1,76 @@
+"""The light of cells that are half in the dark, or right beside a lamp."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from radiosity.solver.cells import NOTHING, Cells
+from radiosity.solver.direct import DirectLight
+from radiosity.solver.geometry import Geometry
+from radiosity.solver.parallel import Run
+from radiosity.solver.patches import Patches
+from radiosity.solver.shells import Shells
+from radiosity.solver.sources import light_sources
+from radiosity.solver.transport import AGAIN, Transport
+from radiosity.tests.solver.rooms import quad
+
+# A floor of a square metre, one cell a triangle.
+FLOOR = quad((0, 0, 0), (1, 0, 0), (0, 1, 0), 0.5)
+
+
+def _transport(shapes, size=10.0):
+    geometry = Geometry(shapes.scene())
+    lights, sampled = light_sources(geometry)
+    corners = geometry.corners.reshape(-1, 3)
+    patches = Patches(Shells.of(geometry.corners), corners.min(axis=0), corners.max(axis=0), 0.4, 1.0)
+    return Transport(geometry, DirectLight(geometry, lights, 0), sampled, Cells(geometry, size), patches, 0, Run())
+
+
+def _down_at(transport, x, y):
+    """Rays straight down on the floor."""
+    points = np.stack([x, y, np.full(len(x), 0.05)], axis=1).astype(np.float32) - transport.geometry.scene.origin
+    return transport.trace(np.asarray(points, np.float32), np.tile(np.float32([0, 0, -1]), (len(x), 1)))
+
+
+def test_a_cell_first_met_in_its_shadow_is_asked_again_where_many_rays_meet_it():
+    # A board stands on the floor between a lamp on the left and the right half. One ray meets the floor's lower right
+    # triangle behind the board: dark. Then AGAIN rays meet it before the board; then it has their light.
+    lamp = quad((-0.6, 0, 0.6), (0, 1, 0), (0, 0, 0.2), 0.0, 100.0)
+    board = quad((0.5, -0.1, 0), (0, 1.2, 0), (0, 0, 2.0), 0.0)
+    transport = _transport(FLOOR + lamp + board)
+    behind = _down_at(transport, np.array([0.7]), np.array([0.2]))
+    transport.meet([behind.fresh(transport.cells)])
+    assert not transport.met.incident[0].any()
+    spots = np.random.default_rng(3).uniform((0.2, 0.0), (0.45, 0.2), (AGAIN, 2))
+    before = _down_at(transport, *spots.T)
+    assert (transport.cells.rows(before.sides) == 0).all()
+    transport.look_again([_down_at(transport, *spots[1:].T)])
+    assert not transport.met.incident[0].any()
+    transport.look_again([before])
+    own = _transport(FLOOR + lamp + board)
+    own.meet([before.fresh(own.cells)])
+    assert transport.met.incident[0].min() > 0
+    assert transport.met.incident[0] == pytest.approx(own.met.incident[0])
+    assert transport.met.places[0] == 4
+
+
+def test_a_cell_right_under_a_lamp_is_divided_and_one_far_off_is_not():
+    # A lamp of 10 cm hangs 30 cm over one corner of the lower triangle, where its light varies most: with a limit
+    # between the two, that one is divided, and rays that meet it now meet smaller cells.
+    lamp = quad((0.85, 0.05, 0.3), (0, 0.1, 0), (0.1, 0, 0), 0.0, 1000.0)
+    transport = _transport(FLOOR + lamp)
+    first = np.array([[0.9, 0.1], [0.3, 0.1], [0.1, 0.9], [0.15, 0.85]])
+    transport.met.steep = 2.0
+    transport.meet([_down_at(transport, *first.T).fresh(transport.cells)])
+    assert len(transport.cells) == 2
+    rays = np.random.default_rng(5).uniform(0.02, 0.98, (400, 2))
+    lower = rays[:, 0] > rays[:, 1]
+    met = _down_at(transport, *rays.T)
+    assert (transport.cells.rows(met.sides)[~lower] == 1).all()
+    assert (transport.cells.rows(met.sides)[lower] == NOTHING).all()
+    assert len(np.unique(met.sides[lower])) == 10  # the other 6 of 16 lie beyond the triangle's third side
+    transport.meet([met.fresh(transport.cells)])
+    light = transport.met.incident.mean(axis=1)
+    under = transport.cells.rows(_down_at(transport, *first[:1].T).sides)
+    assert light[2:].min() < 0.1 * light[0] < light[under]
+    assert light[2:].max() == light[under]
