@@ -74,7 +74,7 @@ REFINE_SHARE = 3.0
 # energy adds up over whole surfaces.
 COMPLETE_CELLS = 2**18
 # Cells are divided in which the lamps' light varies by more than this many times the wanted error of the mean light.
-STEEP = 16.0
+STEEP = 24.0
 # All rows are traced anew, with MORE_RAYS times the rays, while their noise shifts the mean light by more than this
 # part of the wanted error; so often at most, and while all rows hold no more hits (up to 17 bytes each).
 LEVEL_SHARE, MORE_RAYS, MOST_RETRACED, MOST_HITS = 0.15, 4, 2, 3 * 2**24

@@ -20,10 +20,10 @@ from .seen import Seen, SeenFootprints
 Float = NDArray[np.floating[Any]]
 Int = NDArray[np.integer[Any]]
 
-CHUNK_RAYS = 2**17
+CHUNK_CELLS = 2**15
 # Fewer cells than this are not worth a thread.
 LEAST_CELLS = 2**11
-# Samples of reflectance, emission and direct light in a cell.
+# Shadow rays to a lamp from a cell.
 CELL_SAMPLES = 4
 # Places of a cell at which the closed forms of many lamps are asked for (at 4 a bake of pandora took longer and was no
 # better).
@@ -113,7 +113,7 @@ class MetCells:
         fresh = fresh.take(self.cells.are_new(fresh.side)).few()
         new = self.cells.meet(fresh.side)
         if new.start < new.stop:
-            places = SeenFootprints(self.geometry, self.cells, fresh)
+            places = SeenFootprints(self.geometry, self.cells, fresh, self._run)
             for table, values in zip(self._tables, self._asked(places), strict=True):
                 table.append(values)
             self._place(places)
@@ -122,7 +122,7 @@ class MetCells:
 
     def renew(self, seen: Sequence[Seen]) -> None:
         """Ask anew for the light of cells that have been met, at other points."""
-        places = SeenFootprints(self.geometry, self.cells, Seen.join(seen).few())
+        places = SeenFootprints(self.geometry, self.cells, Seen.join(seen).few(), self._run)
         rows = self.cells.rows(places.identity)
         for table, values in zip(self._tables, self._asked(places), strict=True):
             table.values[rows] = values
@@ -165,42 +165,22 @@ class MetCells:
 
     def _place(self, places: SeenFootprints) -> None:
         """Where a cell is seen first stands for it."""
-        def work(part: slice) -> tuple[Spots, Float]:
-            rows = np.arange(part.start, part.stop)
-            triangle, u, v = places.at(rows, np.zeros(len(rows), np.float32))
-            front = (places.identity[part] & 1).astype(bool)
-            spots = Spots.at(self.geometry, triangle, u, v, front)
-            start = np.zeros((len(rows), 8), np.float32)
-            start[:, :3] = self.geometry.lifted(spots.points, triangle, front)
-            start[:, 4:7] = self.geometry.shading_normal(triangle, u, v) * np.where(front, 1, -1)[:, None]
-            return spots, start
+        def work(part: slice) -> Spots:
+            return Spots.at(self.geometry, *places.first_places(part), places.front[part])
 
-        parts = self._run.map(work, shares(len(places), CHUNK_RAYS // CELL_SAMPLES, LEAST_CELLS))
-        spots = Spots.join([part[0] for part in parts])
+        parts = self._run.map(work, shares(len(places), CHUNK_CELLS, LEAST_CELLS))
+        spots = Spots.join(parts)
         self._run.count(len(places))
         self._points.append(spots.points)
         self._normals.append(spots.normals)
         self._triangle.append(spots.triangle)
         self._gap.append(spots.gap)
-        self._start.append(np.concatenate([part[1] for part in parts]))
+        start = np.zeros((len(places), 8), np.float32)
+        start[:, :3], start[:, 4:7] = places.start[places.first], places.normal[places.first]
+        self._start.append(start)
 
     def _materials(self, places: SeenFootprints) -> tuple[Float, Float]:
         """Mean reflectance and mean emission that is gathered (not sampled as a lamp) of each cell."""
-        draws = (np.arange(CELL_SAMPLES, dtype=np.float32) + np.float32(0.5)) / np.float32(CELL_SAMPLES)
-
-        def work(part: slice) -> tuple[Float, Float]:
-            rows = np.repeat(np.arange(part.start, part.stop), CELL_SAMPLES)
-            triangle, u, v = places.at(rows, np.tile(draws, part.stop - part.start))
-            reflectance = _mean_of_samples(self.geometry.reflectance(triangle, u, v))
-            emission = _mean_of_samples(self.geometry.emission(triangle, u, v))
-            emission[self._sampled_emitter[triangle[::CELL_SAMPLES]]] = 0
-            return reflectance, emission
-
-        parts = self._run.map(work, shares(len(places), CHUNK_RAYS // CELL_SAMPLES, LEAST_CELLS))
-        return np.concatenate([part[0] for part in parts]), np.concatenate([part[1] for part in parts])
-
-
-def _mean_of_samples(values: Float) -> Float:
-    """(n, 3) from the samples of each cell, one after another."""
-    samples = values.reshape(-1, CELL_SAMPLES, 3)
-    return np.asarray(sum(samples[:, number] for number in range(CELL_SAMPLES)) / np.float32(CELL_SAMPLES))
+        emission = places.mean(self.geometry.emission)
+        emission[self._sampled_emitter[places.triangle]] = 0
+        return places.mean(self.geometry.reflectance), emission

@@ -6,7 +6,7 @@ the mean over the part that is seen, so that is where its light is asked for.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -16,11 +16,14 @@ from numpy.typing import NDArray
 from .cells import Cells
 from .footprints import EachPoint
 from .geometry import Geometry
+from .parallel import Run, shares
 from .sampling import mixed
 
 Float = NDArray[np.floating[Any]]
 Int = NDArray[np.integer[Any]]
 
+# Points of a thread's piece of work, and fewer than are worth a thread.
+CHUNK_POINTS, LEAST_POINTS = 2**15, 2**12
 # Points of a cell that are kept.
 PLACES = 4
 # Bits of a cell's side (of `cells.MAX_SIDES` and FINER^2 times as many) in a key to sort by; the others are random.
@@ -64,20 +67,33 @@ class Seen:
 class SeenFootprints(EachPoint):
     """Cells, as footprints made of a few points each.
 
+    Parameters
+    ----------
+    seen : the points, as `Seen.few` returns them.
+
     Attributes
     ----------
-    count : (n,) points of each.
+    count, first : (n,) points of each cell, and which of all is its first.
+    triangle, front : (n,) where each cell lies.
+    start, normal : (m, 3) each point lifted off its side of the surface, and its shading normal there.
     """
 
-    def __init__(self, geometry: Geometry, cells: Cells, seen: Seen) -> None:
-        """`seen` is what `Seen.few` returns."""
-        self._geometry = geometry
-        self._first = np.flatnonzero(np.diff(seen.side, prepend=-1))
-        self.count = np.diff(self._first, append=len(seen.side))
-        self._u, self._v = seen.u, seen.v
-        self.identity = seen.side[self._first]
+    def __init__(self, geometry: Geometry, cells: Cells, seen: Seen, run: Run) -> None:
+        self._geometry, self._seen, self._run = geometry, seen, run
+        self.first = np.flatnonzero(np.diff(seen.side, prepend=-1))
+        self.count = np.diff(self.first, append=len(seen.side))
+        self.identity = seen.side[self.first]
         self.triangle = cells.triangle_of(self.identity)
-        self._front = (self.identity & 1).astype(bool)
+        self.front = (self.identity & 1).astype(bool)
+        self._triangle, self._front = np.repeat(self.triangle, self.count), np.repeat(self.front, self.count)
+        parts = run.map(self._settle, shares(len(seen.side), CHUNK_POINTS, LEAST_POINTS))
+        self.start, self.normal = (np.concatenate([part[column] for part in parts]) for column in (0, 1))
+
+    def _settle(self, part: slice) -> tuple[Float, Float]:
+        triangle, u, v, front = self._triangle[part], self._seen.u[part], self._seen.v[part], self._front[part]
+        normals = self._geometry.shading_normal(triangle, u, v)
+        start = self._geometry.lifted(self._geometry.point(triangle, u, v), triangle, front)
+        return start, np.where(front[:, None], normals, -normals)
 
     def __len__(self) -> int:
         return len(self.identity)
@@ -87,20 +103,24 @@ class SeenFootprints(EachPoint):
         """See Footprints."""
         return self._geometry.surface[self.triangle]
 
-    def at(self, rows: Int, x: Float) -> tuple[Int, Float, Float]:
-        """Triangle, u and v (n,) of points of cells `rows`, drawn by x in [0, 1)."""
-        point = self._first[rows] + (x * self.count[rows]).astype(np.int64)
-        return self.triangle[rows], self._u[point], self._v[point]
+    def first_places(self, part: slice) -> tuple[Int, Float, Float]:
+        """Triangle, u and v (n,) of the first point of some of the cells."""
+        point = self.first[part]
+        return self.triangle[part], self._seen.u[point], self._seen.v[point]
+
+    def mean(self, values: Callable[[Int, Float, Float], Float]) -> Float:
+        """(n, 3) the mean over each cell's points of what `values` says of triangles and u, v (m,)."""
+        found = self._run.map(lambda part: values(self._triangle[part], self._seen.u[part], self._seen.v[part]),
+                              shares(len(self._seen.side), CHUNK_POINTS, LEAST_POINTS))
+        total = np.add.reduceat(np.concatenate(found), self.first, axis=0)
+        return np.asarray(total / self.count.astype(np.float32)[:, None])
 
     def sample(self, rows: Int, x: Float, y: Float) -> tuple[Float, Float]:
         """See Footprints."""
-        triangle, u, v = self.at(rows, x)
-        front = self._front[rows]
-        points = self._geometry.lifted(self._geometry.point(triangle, u, v), triangle, front)
-        normals = self._geometry.shading_normal(triangle, u, v)
-        return points, np.where(front[:, None], normals, -normals)
+        point = self.first[rows] + (x * self.count[rows]).astype(np.int64)
+        return np.take(self.start, point, axis=0), np.take(self.normal, point, axis=0)
 
     def flat_normals(self, rows: Int) -> Float:
         """See Footprints."""
-        side = np.where(self._front[rows], np.float32(1), np.float32(-1))
+        side = np.where(self.front[rows], np.float32(1), np.float32(-1))
         return np.asarray(self._geometry.normal[self.triangle[rows]] * side[:, None])
