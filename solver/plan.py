@@ -82,7 +82,8 @@ def plan(error: float, distance: float, bounced: float) -> Plan:
 def audit_paths(error: float) -> int:
     """Paths of each lumel that is audited.
 
-    The audit's noise at one lumel, about 1 / sqrt(paths), may be the error that it is to see. For the same rays, many
-    paths at few lumels tell the mean square error better than few paths at many.
+    The audit's noise at one lumel, about 1 / sqrt(paths), may be more than the error that it is to see, as its mean
+    square is taken off: so the paths need not grow with 1 / error^2, as a path tracer's. For the same rays, many paths
+    at few lumels tell the mean square error better than few paths at many.
     """
-    return int(np.clip(0.6 / error**2, 64, 4096))
+    return int(np.clip(20 / error, 64, 4096))
