@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from radiosity import radiosity_addon, solver
 from radiosity.radiosity_addon.export import export_scene
-from radiosity.radiosity_addon.first_look import first_look
+from radiosity.radiosity_addon.first_look import Shapes, first_look
 from radiosity.solver.linking import links_of
 from radiosity.tests.blender.stage import (
     OPEN_X,
@@ -229,10 +229,14 @@ def test_the_first_look_shows_no_light_where_a_lamp_does_not_reach(linked):
     lamp("POINT", energy=100).light_linking.receiver_collection = collection(include=["Wall"])
     bpy.data.materials["Red"].node_tree.nodes["Diffuse BSDF"].inputs["Color"].default_value = (0, 0, 0, 1)
     scene, _ = exported()
-    look = first_look(scene, solver.Settings(), lambda: False)
+    look = look_at(scene)
     at_floor = (look.corners[..., 2] == 0).all(axis=1)
     assert at_floor.any()
     assert not look.colour[at_floor].any()
     # Black walls show nothing either: as white ones they do.
     lamp("POINT", energy=100, location=(0, 0, 1))
-    assert first_look(exported()[0], solver.Settings(), lambda: False).colour[at_floor].any()
+    assert look_at(exported()[0]).colour[at_floor].any()
+
+
+def look_at(scene):
+    return first_look(Shapes(scene), (scene.sky, ()), solver.Settings(), lambda: False)
