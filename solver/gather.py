@@ -21,11 +21,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .fans import Fans
+from .met import Met
 from .parallel import Run, shares
 from .sampling import cosine_directions, shifts
 from .seen import Seen
 from .tables import mean_over_rays
-from .transport import Met, Transport
+from .transport import Transport
 
 Float = NDArray[np.floating[Any]]
 Int = NDArray[np.integer[Any]]
@@ -104,6 +105,7 @@ class _Rays:
     met: Met  # what they met last,
     carried: Float  # and the reflectance so far, (going, 3)
     value: Float  # (n * rays, 4) radiosity brought so far
+    cell: Int = field(default_factory=lambda: np.empty(0, np.int32))  # rows of the cells that they met last
     high: Int = field(default_factory=lambda: np.empty(0, np.int64))  # which rays have a peak in the end,
     over: Float = field(default_factory=lambda: np.empty(0, np.float32))  # and which part of what they bring it is
     trail: list[Leg] = field(default_factory=list)  # where it came from, if somebody asks for it
@@ -142,7 +144,8 @@ class Gather:
             going = traced
             for bounce in range(MOST_BOUNCES):
                 self.transport.meet([rays.fresh for rays in going])
-                self.transport.look_again([rays.met for rays in going])
+                for rays, cell in zip(going, self.transport.look_again([rays.met for rays in going]), strict=True):
+                    rays.cell = cell
                 self.transport.late(LATE_RAYS)
                 run.map(_Step(self.transport, bounce).follow, going)
                 going = [rays for rays in going if len(rays.going)]
@@ -242,7 +245,7 @@ class _Step:
     def follow(self, rays: _Rays) -> None:
         """Bring what is met to the receivers, and trace on where it is near."""
         transport = self._transport
-        cell = transport.cells.rows(rays.met.sides)
+        cell = rays.cell
         brought = np.take(self._table, cell, axis=0)
         reach = brought[:, 3] * np.float32(NEAR_PATCHES)
         near, factor = self._go_on(rays, np.flatnonzero(rays.met.hits.distance < reach))

@@ -50,8 +50,8 @@ class MetCells:
         columns = 3 if direct.split is None else direct.split.columns
         self._incident, self._direct = Growing((columns,)), Growing((columns,))
         self._emission, self._reflectance, self._points, self._normals = (Growing((3,)) for _ in range(4))
-        self._varied, self._places = Growing(), Growing((), np.uint8)
-        self._tables = (self._incident, self._direct, self._emission, self._reflectance, self._varied, self._places)
+        self._places = Growing((), np.uint8)
+        self._tables = (self._incident, self._direct, self._emission, self._reflectance, self._places)
         self._start, self._gap, self._triangle = Growing((8,)), Growing(), Growing((), np.int32)
 
     def __len__(self) -> int:
@@ -114,32 +114,33 @@ class MetCells:
         new = self.cells.meet(fresh.side)
         if new.start < new.stop:
             places = SeenFootprints(self.geometry, self.cells, fresh, self._run)
-            for table, values in zip(self._tables, self._asked(places), strict=True):
+            rows, varied = self._asked(places)
+            for table, values in zip(self._tables, rows, strict=True):
                 table.append(values)
             self._place(places)
-            self._divide(new)
+            self._divide(np.arange(new.start, new.stop), varied)
         return new
 
     def renew(self, seen: Sequence[Seen]) -> None:
         """Ask anew for the light of cells that have been met, at other points."""
         places = SeenFootprints(self.geometry, self.cells, Seen.join(seen).few(), self._run)
-        rows = self.cells.rows(places.identity)
-        for table, values in zip(self._tables, self._asked(places), strict=True):
-            table.values[rows] = values
-        self._divide(rows)
+        own = self.cells.rows(places.identity)
+        rows, varied = self._asked(places)
+        for table, values in zip(self._tables, rows, strict=True):
+            table.values[own] = values
+        self._divide(own, varied)
 
-    def _asked(self, places: SeenFootprints) -> tuple[NDArray[Any], ...]:
-        """A row of `_tables` for each cell."""
+    def _asked(self, places: SeenFootprints) -> tuple[tuple[NDArray[Any], ...], Float]:
+        """A row of `_tables` for each cell, and by how much the lamps' light varies in it (n,) W/m2."""
         reflectance, emission = self._materials(places)
         varied = np.zeros(len(places))
         incident = self.light.apart(places, self._run, pilot=CELL_SAMPLES, small_share=CELL_SMALL_SHARE,
                                     closed=CELL_CLOSED, varied=varied)
-        return (incident, self._leaving(places.identity, reflectance, incident, emission), emission, reflectance,
-                varied, places.count)
+        leaving = self._leaving(places.identity, reflectance, incident, emission)
+        return (incident, leaving, emission, reflectance, places.count), varied
 
-    def _divide(self, rows: slice | Int) -> None:
-        steep = self._varied.values[rows] * self.reflectance[rows].mean(axis=1) > self.steep
-        self.cells.divide(np.arange(len(self))[rows][steep])
+    def _divide(self, rows: Int, varied: Float) -> None:
+        self.cells.divide(rows[varied * self.reflectance[rows].mean(axis=1) > self.steep])
 
     def meet_whole(self, sides: NDArray[np.int64]) -> slice:
         """Fill in cells that no ray met, as if they were seen all over; return their rows."""

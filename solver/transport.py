@@ -6,7 +6,6 @@ Nothing here knows a lumel. Whoever has rays asks `light_from(hits)`: what met c
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
 from functools import partial
 from typing import TYPE_CHECKING, Any
 
@@ -19,6 +18,7 @@ from .direct import DirectLight
 from .geometry import Geometry
 from .growing import Growing
 from .linear import LinearResult
+from .met import Met
 from .met_cells import MetCells
 from .parallel import Run, shares, slices
 from .patches import Patches
@@ -27,7 +27,6 @@ from .rows import Rows
 from .sampling import cosine_directions, kronecker, shifted, shifts
 from .seen import PLACES, Seen
 from .tables import padded
-from .visibility import Hits
 
 if TYPE_CHECKING:
     from .path_keeper import PathKeeper
@@ -44,33 +43,6 @@ MOST_WAVES = 8
 AGAIN = 16
 # Rays that a patch's whole area counts for, beside those of the receivers that met it.
 AREA_RAYS = 0.1
-
-
-@dataclass(frozen=True, eq=False)
-class Met:
-    """What rays met: sides of cells (n,), NOTHING for the sky; the rays that met the sky (m,), and the irradiance that
-    each of those stands for (m, 3) W/m2 (none under a black sky)."""
-
-    hits: Hits
-    sides: NDArray[np.int64]
-    missed: Int
-    sky: Float
-
-    def fresh(self, cells: Cells) -> Seen:
-        """Where cells that have no row yet were met: a few points of each."""
-        return self.at(np.flatnonzero(cells.are_new(self.sides)))
-
-    def at(self, rays: Int) -> Seen:
-        """Where some of the rays met cells: a few points of each."""
-        return Seen(self.sides[rays], self.hits.u[rays], self.hits.v[rays]).few()
-
-    def where_above(self, directions: Float, normals: Float) -> Met:
-        """Without what came from under the surfaces (n, 3) that rays started on: a shading normal may lead there."""
-        below = np.einsum("ij,ij->i", directions, normals) <= 0
-        if not below.any():
-            return self
-        kept = ~below[self.missed]
-        return Met(self.hits, np.where(below, NOTHING, self.sides), self.missed[kept], self.sky[kept])
 
 
 class Transport:
@@ -129,10 +101,11 @@ class Transport:
         """Give every met side of a cell its direct light, reflectance and patch."""
         self._settle_in(self.met.meet(seen))
 
-    def look_again(self, some: Sequence[Met]) -> None:
+    def look_again(self, some: Sequence[Met]) -> list[NDArray[np.int32]]:
         """Ask anew for the light of cells that many rays meet, where it was asked for at fewer points than could be.
 
         A ray from afar may have met such a cell first, in a part of it that is hidden from those that meet it now.
+        Return the rows of the cells that were met, NOTHING for the sky.
         """
         rows = self.run.map(lambda met: self.cells.rows(met.sides), some)
         hits = np.zeros(len(self.cells), np.int64)
@@ -144,6 +117,7 @@ class Transport:
             self.met.renew(self.run.map(lambda job: job[0].at(np.flatnonzero(few[job[1]])),
                                         list(zip(some, rows, strict=True))))
             self._settled = 0
+        return rows
 
     def meet_whole(self, sides: NDArray[np.int64]) -> None:
         """The same for cells that no ray met."""
