@@ -100,7 +100,8 @@ class MetCells:
     @property
     def spots(self) -> Spots:
         """The cells' middles."""
-        return Spots(self._points.values, self._normals.values, self._triangle.values, self._gap.values)
+        return Spots(self._points.values, self._normals.values, self._triangle.values, self._gap.values,
+                     (self.cells.side & 1).astype(bool))
 
     @property
     def places(self) -> NDArray[np.uint8]:

@@ -1,9 +1,9 @@
 """Patches: clusters of cells that carry one value of smooth indirect light each.
 
 A patch is the met sides of cells in one box of an octree that face one way (the nearest of the six axes), lie in one
-layer of the box across that way, have about the same room in front of them, and belong to one shell (small shells,
-gravel or leaves, are taken together): a board, its back and the wall right behind it are three patches, for they do
-not see the same light. A box is split where the receivers look often (`grow`), and where the solution turns out to
+layer of the box across that way, have about the same room in front of them, are all fronts or all backs of their
+triangles, and belong to one shell (small shells, gravel or leaves, are taken together): a board, its back and the wall
+right behind it are three patches, and so are the outside of a pipe and its inside, for they do not see the same light. A box is split where the receivers look often (`grow`), and where the solution turns out to
 vary inside it (`split`), so that the number of patches follows the light and not the triangles. Cells with a wall
 between them are of different patches (`walls`).
 """
@@ -44,13 +44,14 @@ CHUNK, LEAST = 2**15, 2**11
 
 @dataclass(frozen=True, eq=False)
 class Spots:
-    """Points of surfaces: where they lie (n, 3), the way they face (n, 3), their triangles (n,), and the free distance
-    in front of them (n,) metres, inf for the open."""
+    """Points of surfaces: where they lie (n, 3), the way they face (n, 3), their triangles (n,), the free distance in
+    front of them (n,) metres, inf for the open, and whether they are on the triangles' fronts (n,)."""
 
     points: Float
     normals: Float
     triangle: Int
     gap: Float
+    front: NDArray[np.bool_]
 
     @classmethod
     def at(cls, geometry: Geometry, triangle: Int, u: Float, v: Float, front: NDArray[np.bool_]) -> Spots:
@@ -58,20 +59,20 @@ class Spots:
         points = geometry.point(triangle, u, v)
         normals = np.where(front[:, None], geometry.normal[triangle], -geometry.normal[triangle])
         ahead = geometry.visibility.hits(geometry.lifted(points, triangle, front), normals)
-        return cls(points, normals, triangle, np.where(ahead.triangle >= 0, ahead.distance, np.float32(np.inf)))
+        gap = np.where(ahead.triangle >= 0, ahead.distance, np.float32(np.inf))
+        return cls(points, normals, triangle, gap, front)
 
     def __len__(self) -> int:
         return len(self.gap)
 
     def take(self, index: NDArray[Any] | slice) -> Spots:
         """Some of the spots."""
-        return Spots(self.points[index], self.normals[index], self.triangle[index], self.gap[index])
+        return Spots(*(getattr(self, name)[index] for name in self.__dataclass_fields__))
 
     @classmethod
     def join(cls, some: list[Spots]) -> Spots:
         """All of some."""
-        return cls(*(np.concatenate([getattr(one, name) for one in some])
-                     for name in ("points", "normals", "triangle", "gap")))
+        return cls(*(np.concatenate([getattr(one, name) for one in some]) for name in cls.__dataclass_fields__))
 
 
 class Patches:
@@ -217,7 +218,7 @@ class Patches:
 
     def _marks(self, spots: Spots) -> _Marks:
         axis = np.argmax(np.abs(spots.normals), axis=1)
-        facing = 2 * axis + (spots.normals[np.arange(len(axis)), axis] > 0)
+        facing = 4 * axis + 2 * (spots.normals[np.arange(len(axis)), axis] > 0) + spots.front
         with np.errstate(divide="ignore"):
             gap = np.floor(np.log(np.minimum(spots.gap / self._view, 1.0)) / np.log(GAP_FACTOR))
         shell = self._shells.of_triangle[spots.triangle]
@@ -232,7 +233,7 @@ class Patches:
         shell = np.where(marks.shell_extent >= SMALL_SHELL * edge, marks.shell, -1)
         with np.errstate(over="ignore"):
             key = np.zeros(len(shell), np.uint64)
-            for part in (voxel[:, 0], voxel[:, 1], voxel[:, 2], level * 8 + marks.facing, shell, marks.gap):
+            for part in (voxel[:, 0], voxel[:, 1], voxel[:, 2], level * 16 + marks.facing, shell, marks.gap):
                 key = (key ^ part.astype(np.uint64)) * np.uint64(0x9E3779B97F4A7C15)
                 key ^= key >> np.uint64(29)
         return key
@@ -241,7 +242,7 @@ class Patches:
 @dataclass(frozen=True, eq=False)
 class _Marks:
     """What the patch of a spot depends on at any level: its place about the octree's low corner (n, 3) metres, the axis
-    and the direction that it faces (n,), its shell and how wide that is (n,) metres, and its class of gap (n,)."""
+    that it faces along (n,), which way and on which side of its triangle (n,), its shell and how wide that is (n,) metres, and its class of gap (n,)."""
 
     place: Float
     axis: Int
