@@ -28,6 +28,7 @@ MAX_DIVISIONS = 2**14
 NOTHING = -1
 # Along each edge of a cell that is divided, and most cells that are.
 FINER, MOST_DIVIDED = 4, 2**16
+VAR = FINER**2+1
 # The weights of the two corners after the widest (which is corner 0, 1 or 2), each as a product with (u, v, 1, 0).
 _AXES = np.array([[1, 0, 0, 0, 0, 1, 0, 0], [0, 1, 0, 0, -1, -1, 1, 0], [-1, -1, 1, 0, 1, 0, 0, 0]], np.float32)
 
@@ -61,10 +62,14 @@ class Cells:
         # 0: not met; else row + 1. The last entry stands for NOTHING.
         self._row_of = np.zeros(self._finer + 1, np.int32)
         self._side = Growing((), np.int64)
-        # For each row + 1, 0 or the number of its division + 1; for each division and smaller cell, 0 or row + 1.
-        self._division = Growing((), np.int32)
-        self._division.append(np.zeros(1, np.int32))
-        self._row_of_smaller = Growing((FINER**2,), np.int32)
+        # For each row + 1, whether all rays read smaller cells.
+        self._divided = Growing((), np.bool_)
+        self._divided.append(np.zeros(1, np.bool_))
+        # For each side 0 or a number, and for each of those numbers and smaller cell 0 or row + 1.
+        self._smaller_of = np.zeros(self._finer + 1, np.int32)
+        self._row_of_smaller = Growing((VAR,), np.int32)
+        self._row_of_smaller.append(np.zeros((1, VAR), np.int32))
+        self._divides = False
 
     def __len__(self) -> int:
         return len(self._side)
@@ -74,16 +79,24 @@ class Cells:
         """(rows,) int64, the met sides of cells, in the order of their rows."""
         return np.asarray(self._side.values)
 
-    def sides(self, triangle: Int, u: Float, v: Float, front: NDArray[np.bool_]) -> NDArray[np.int64]:
-        """The side of a cell that each hit lies on: (n,) int64; NOTHING where triangle is negative."""
+    def sides(self, triangle: Int, u: Float, v: Float, front: NDArray[np.bool_],
+              behind: NDArray[np.bool_] | None = None) -> NDArray[np.int64]:
+        """The side of a cell that each hit lies on: (n,) int64; NOTHING where triangle is negative.
+
+        behind : (n,) hits of rays that came from the back of a triangle.
+        """
         # Where triangle is negative, this reads the last triangle's.
         axes, grid = np.take(self._axes, triangle, axis=0), np.take(self._grid, triangle, axis=0)
         x = axes[:, 0] * u + axes[:, 1] * v + axes[:, 2]
         y = axes[:, 4] * u + axes[:, 5] * v + axes[:, 6]
         i, j = np.minimum(x.astype(np.int32), grid[:, 1]), np.minimum(y.astype(np.int32), grid[:, 3])
         side = np.where(triangle >= 0, grid[:, 0] + 2 * (i * grid[:, 2] + j) + front, np.int32(NOTHING))
-        if len(self._row_of_smaller):
-            divided = np.flatnonzero(np.take(self._division.values, np.take(self._row_of, side)))
+        if behind is not None:
+            rows = np.flatnonzero(behind & (triangle >= 0))
+            side[rows] = self._smaller(side[rows], np.full(len(rows), FINER**2, np.int32))
+        if self._divides:
+            smaller = np.take(self._divided.values, np.take(self._row_of, side, mode="clip"))
+            divided = np.flatnonzero(smaller & (side < self._finer))
             inside = [np.clip((place[divided] - whole[divided]) * FINER, 0, FINER - 1).astype(np.int32)
                       for place, whole in ((x, i), (y, j))]
             side[divided] = self._smaller(side[divided], inside[0] * FINER + inside[1])
@@ -91,14 +104,14 @@ class Cells:
 
     def _smaller(self, side: Int, number: Int) -> Int:
         """The side of a smaller cell, by its number in the cell that holds it."""
-        return self._finer + ((side >> 1) * FINER**2 + number) * 2 + (side & 1)
+        return self._finer + ((side >> 1) * VAR + number) * 2 + (side & 1)
 
     def _holding(self, side: NDArray[np.int64]) -> tuple[NDArray[np.int64], Int]:
         """The cell that holds each smaller one (else itself), and its number in there (else -1)."""
         small = side >= self._finer
         pair = (side - self._finer) >> 1
-        number = np.where(small, pair % FINER**2, -1)
-        return np.where(small, pair // FINER**2 * 2 + (side & 1), side), number
+        number = np.where(small, pair % VAR, -1)
+        return np.where(small, pair // VAR * 2 + (side & 1), side), number
 
     def meet(self, sides: NDArray[np.int64]) -> slice:
         """Give rows to the sides that have none yet, in the order of their numbers; return the new rows."""
@@ -108,23 +121,26 @@ class Cells:
         whole = int(np.searchsorted(fresh, self._finer))
         self._row_of[fresh[:whole]] = new[:whole]
         if whole < len(fresh):
+            holding = np.unique(self._holding(fresh[whole:])[0])
+            holding = holding[self._smaller_of[holding] == 0]
+            first_ = len(self._row_of_smaller)
+            self._smaller_of[holding] = np.arange(first_, first_ + len(holding), dtype=np.int32)
+            self._row_of_smaller.append(np.zeros((len(holding), VAR), np.int32))
             self._row_of_smaller.values[self._place(fresh[whole:])] = new[whole:]
         self._side.append(fresh)
-        self._division.append(np.zeros(len(fresh), np.int32))
+        self._divided.append(np.zeros(len(fresh), np.bool_))
         return slice(first, len(self))
 
     def divide(self, rows: Int) -> None:
         """Let what meets these cells from now on read smaller ones; smaller ones are not divided again."""
         rows = rows[self.side[rows] < self._finer]
-        rows = rows[self._division.values[rows + 1] == 0][:MOST_DIVIDED - len(self._row_of_smaller)]
-        first = len(self._row_of_smaller) + 1
-        self._division.values[rows + 1] = np.arange(first, first + len(rows), dtype=np.int32)
-        self._row_of_smaller.append(np.zeros((len(rows), FINER**2), np.int32))
+        self._divided.values[rows + 1] = True
+        self._divides |= bool(len(rows))
 
     def _place(self, smaller: NDArray[np.int64]) -> tuple[Int, Int]:
         """Where the row of a smaller cell stands."""
         holding, number = self._holding(smaller)
-        return self._division.values[self._row_of[holding]] - 1, number
+        return self._smaller_of[holding], number
 
     def unmet(self, sides: NDArray[np.int64]) -> NDArray[np.int64]:
         """The sides that have no row yet, each once, in the order of their numbers."""
@@ -140,8 +156,6 @@ class Cells:
 
     def _number(self, sides: NDArray[np.int64]) -> NDArray[np.int32]:
         """0 where a side has no row, else row + 1."""
-        if not len(self._row_of_smaller):
-            return np.take(self._row_of, sides)
         number = np.take(self._row_of, sides, mode="clip")
         small = np.flatnonzero(sides >= self._finer)
         number[small] = self._row_of_smaller.values[self._place(sides[small])]
@@ -194,6 +208,7 @@ class _Box:
         divisions = cells._divisions[self.triangle]
         holding, number = cells._holding(side)
         i, j = np.divmod((holding - cells._base[self.triangle]) >> 1, divisions[:, 1])
+        number = np.where(number == FINER**2, -1, number)
         row, column = np.divmod(np.maximum(number, 0), FINER)
         along = np.where(number < 0, 1, FINER)
         self._a, self._b = 1 / (along * divisions[:, 0]), 1 / (along * divisions[:, 1])

@@ -293,7 +293,7 @@ class _Step:
         normal = geometry.normal[triangle]
         normal = np.where(front[:, None], normal, -normal)
         u, v = shifts(self._identity(rays, rays.going), 2, rays.look.seed + 5 + self._bounce).T
-        rays.met = self._transport.trace(start, cosine_directions(normal, u[:, None], v[:, None])[:, 0])
+        rays.met = self._transport.trace(start, cosine_directions(normal, u[:, None], v[:, None])[:, 0], ~front)
         rays.fresh = rays.met.fresh(self._transport.cells)
         missed = rays.met.missed
         rays.value[rays.going[missed], :3] += rays.carried[missed] * rays.met.sky

@@ -151,11 +151,11 @@ class Transport:
         return np.asarray(np.minimum(np.sqrt(12 * square), self.patches.size()), np.float32)
 
     # --- rays ----------------------------------------------------------------------------------------------------
-    def trace(self, origins: Float, directions: Float) -> Met:
+    def trace(self, origins: Float, directions: Float, behind: NDArray[np.bool_] | None = None) -> Met:
         """What rays meet."""
         hits = self.geometry.visibility.hits(origins, directions)
         self.run.count(len(origins))
-        sides = self.cells.sides(hits.triangle, hits.u, hits.v, hits.front)
+        sides = self.cells.sides(hits.triangle, hits.u, hits.v, hits.front, behind)
         if self.geometry.scene.sky.is_black:
             return Met(hits, sides, np.empty(0, np.int64), np.empty((0, 3), np.float32))
         missed = np.flatnonzero(sides == NOTHING)
@@ -260,7 +260,7 @@ class Transport:
         start = np.take(self.met.start, order[member], axis=0)
         points3, normals = start[:, :3], start[:, 4:7]
         directions = cosine_directions(normals, height.reshape(-1, 1), azimuth.reshape(-1, 1))[:, 0]
-        met = self.trace(points3, directions).where_above(directions, self.met.spots.normals[order[member]])
+        met = self.trace(points3, directions, self.cells.side[order[member]] & 1 == 0).where_above(directions, self.met.spots.normals[order[member]])
         sky = np.zeros((0 if self.geometry.scene.sky.is_black else len(met.sides), 3), np.float32)
         sky[met.missed] = met.sky
         eighth = self.patches.part(points3, np.repeat(patches[part], rays))
