@@ -273,7 +273,7 @@ class _Step:
             near = near[:0]
         elif self._bounce == 0:
             confined = np.bincount(near // count, minlength=len(rays.look.rows)) >= CONFINED * count
-            near = near[confined[near // count]]
+            near = near[confined[near // count] | ~rays.met.hits.front[near]]
         elif self._bounce >= ROULETTE_FROM:
             chance = shifts(self._identity(rays, rays.going[near]), 1, rays.look.seed + 301 + self._bounce)[:, 0]
             near = near[chance < ROULETTE]
