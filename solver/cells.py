@@ -4,8 +4,12 @@ The grid runs along the two sides that meet at the triangle's widest angle, so t
 however thin the triangle is; a small triangle is one cell. Both sides of a cell are kept apart. A cell is given a row
 in the tables only when a ray first meets it ("model no more than a scene needs").
 
-Where the light varies much inside a cell, as right beside a lamp, it can be divided: what meets it later reads FINER
-times FINER smaller ones. It keeps its own row, and stands for all of its area.
+A cell can hold others, which have rows of their own while it stands for all of its area:
+
+* Where the light varies much inside a cell, as right beside a lamp, it can be divided: what meets it later reads FINER
+  times FINER smaller ones.
+* Rays that start at the back of a triangle are inside of a solid, as a rule, and see the cell from there: they read
+  another cell at the same place. A floor is lit around the foot of a chair and dark inside of it.
 """
 
 from __future__ import annotations
@@ -28,7 +32,9 @@ MAX_DIVISIONS = 2**14
 NOTHING = -1
 # Along each edge of a cell that is divided, and most cells that are.
 FINER, MOST_DIVIDED = 4, 2**16
-VAR = FINER**2+1
+# The cells that a cell holds are numbered: smaller ones line by line, then that which is seen from behind.
+FROM_BEHIND = FINER**2
+HELD = FINER**2 + 1
 # The weights of the two corners after the widest (which is corner 0, 1 or 2), each as a product with (u, v, 1, 0).
 _AXES = np.array([[1, 0, 0, 0, 0, 1, 0, 0], [0, 1, 0, 0, -1, -1, 1, 0], [-1, -1, 1, 0, 1, 0, 0, 0]], np.float32)
 
@@ -57,19 +63,18 @@ class Cells:
         self._axes = _AXES[self._first] * np.repeat(self._divisions, 4, axis=1).astype(np.float32)
         self._grid = np.stack([self._base, self._divisions[:, 0] - 1, self._divisions[:, 1], self._divisions[:, 1] - 1],
                               axis=1).astype(np.int32)
-        # Sides from here on are those of smaller cells: FINER^2 pairs for each pair before.
-        self._finer = int(count.sum()) * 2
+        # Sides from here on are those of held cells: HELD pairs for each pair before.
+        self._first_held = int(count.sum()) * 2
         # 0: not met; else row + 1. The last entry stands for NOTHING.
-        self._row_of = np.zeros(self._finer + 1, np.int32)
+        self._row_of = np.zeros(self._first_held + 1, np.int32)
         self._side = Growing((), np.int64)
-        # For each row + 1, whether all rays read smaller cells.
-        self._divided = Growing((), np.bool_)
+        # For each row + 1, whether it is divided.
+        self._divided, self._most_divided = Growing((), np.bool_), MOST_DIVIDED
         self._divided.append(np.zeros(1, np.bool_))
-        # For each side 0 or a number, and for each of those numbers and smaller cell 0 or row + 1.
-        self._smaller_of = np.zeros(self._finer + 1, np.int32)
-        self._row_of_smaller = Growing((VAR,), np.int32)
-        self._row_of_smaller.append(np.zeros((1, VAR), np.int32))
-        self._divides = False
+        # For each side 0 or the line of what it holds; in each line, for each held cell, 0 or row + 1.
+        self._line_of = np.zeros(self._first_held, np.int32)
+        self._row_of_held = Growing((HELD,), np.int32)
+        self._row_of_held.append(np.zeros((1, HELD), np.int32))
 
     def __len__(self) -> int:
         return len(self._side)
@@ -93,54 +98,51 @@ class Cells:
         side = np.where(triangle >= 0, grid[:, 0] + 2 * (i * grid[:, 2] + j) + front, np.int32(NOTHING))
         if behind is not None:
             rows = np.flatnonzero(behind & (triangle >= 0))
-            side[rows] = self._smaller(side[rows], np.full(len(rows), FINER**2, np.int32))
-        if self._divides:
-            smaller = np.take(self._divided.values, np.take(self._row_of, side, mode="clip"))
-            divided = np.flatnonzero(smaller & (side < self._finer))
-            inside = [np.clip((place[divided] - whole[divided]) * FINER, 0, FINER - 1).astype(np.int32)
+            side[rows] = self._held(side[rows], FROM_BEHIND)
+        if self._most_divided < MOST_DIVIDED:
+            divided = np.take(self._divided.values, np.take(self._row_of, side, mode="clip"))
+            rows = np.flatnonzero(divided & (side < self._first_held))
+            inside = [np.clip((place[rows] - whole[rows]) * FINER, 0, FINER - 1).astype(np.int32)
                       for place, whole in ((x, i), (y, j))]
-            side[divided] = self._smaller(side[divided], inside[0] * FINER + inside[1])
+            side[rows] = self._held(side[rows], inside[0] * FINER + inside[1])
         return side.astype(np.int64)
 
-    def _smaller(self, side: Int, number: Int) -> Int:
-        """The side of a smaller cell, by its number in the cell that holds it."""
-        return self._finer + ((side >> 1) * VAR + number) * 2 + (side & 1)
+    def _held(self, side: Int, number: Int | int) -> Int:
+        """The side of a held cell, by its number in the cell that holds it."""
+        return self._first_held + ((side >> 1) * HELD + number) * 2 + (side & 1)
 
     def _holding(self, side: NDArray[np.int64]) -> tuple[NDArray[np.int64], Int]:
-        """The cell that holds each smaller one (else itself), and its number in there (else -1)."""
-        small = side >= self._finer
-        pair = (side - self._finer) >> 1
-        number = np.where(small, pair % VAR, -1)
-        return np.where(small, pair // VAR * 2 + (side & 1), side), number
+        """The cell that holds each held one (else itself), and its number in there (else -1)."""
+        held = side >= self._first_held
+        pair = (side - self._first_held) >> 1
+        number = np.where(held, pair % HELD, -1)
+        return np.where(held, pair // HELD * 2 + (side & 1), side), number
 
     def meet(self, sides: NDArray[np.int64]) -> slice:
         """Give rows to the sides that have none yet, in the order of their numbers; return the new rows."""
         fresh = self.unmet(sides)
         first = len(self)
         new = np.arange(first + 1, first + 1 + len(fresh), dtype=np.int32)
-        whole = int(np.searchsorted(fresh, self._finer))
+        whole = int(np.searchsorted(fresh, self._first_held))
         self._row_of[fresh[:whole]] = new[:whole]
         if whole < len(fresh):
-            holding = np.unique(self._holding(fresh[whole:])[0])
-            holding = holding[self._smaller_of[holding] == 0]
-            first_ = len(self._row_of_smaller)
-            self._smaller_of[holding] = np.arange(first_, first_ + len(holding), dtype=np.int32)
-            self._row_of_smaller.append(np.zeros((len(holding), VAR), np.int32))
-            self._row_of_smaller.values[self._place(fresh[whole:])] = new[whole:]
+            holding, number = self._holding(fresh[whole:])
+            self._hold(np.unique(holding[self._line_of[holding] == 0]))
+            self._row_of_held.values[self._line_of[holding], number] = new[whole:]
         self._side.append(fresh)
         self._divided.append(np.zeros(len(fresh), np.bool_))
         return slice(first, len(self))
 
-    def divide(self, rows: Int) -> None:
-        """Let what meets these cells from now on read smaller ones; smaller ones are not divided again."""
-        rows = rows[self.side[rows] < self._finer]
-        self._divided.values[rows + 1] = True
-        self._divides |= bool(len(rows))
+    def _hold(self, sides: NDArray[np.int64]) -> None:
+        first = len(self._row_of_held)
+        self._line_of[sides] = np.arange(first, first + len(sides), dtype=np.int32)
+        self._row_of_held.append(np.zeros((len(sides), HELD), np.int32))
 
-    def _place(self, smaller: NDArray[np.int64]) -> tuple[Int, Int]:
-        """Where the row of a smaller cell stands."""
-        holding, number = self._holding(smaller)
-        return self._smaller_of[holding], number
+    def divide(self, rows: Int) -> None:
+        """Let what meets these cells from now on read smaller ones; held ones are not divided."""
+        rows = rows[(self.side[rows] < self._first_held) & ~self._divided.values[rows + 1]][:self._most_divided]
+        self._divided.values[rows + 1] = True
+        self._most_divided -= len(rows)
 
     def unmet(self, sides: NDArray[np.int64]) -> NDArray[np.int64]:
         """The sides that have no row yet, each once, in the order of their numbers."""
@@ -157,8 +159,9 @@ class Cells:
     def _number(self, sides: NDArray[np.int64]) -> NDArray[np.int32]:
         """0 where a side has no row, else row + 1."""
         number = np.take(self._row_of, sides, mode="clip")
-        small = np.flatnonzero(sides >= self._finer)
-        number[small] = self._row_of_smaller.values[self._place(sides[small])]
+        held = np.flatnonzero(sides >= self._first_held)
+        holding, place = self._holding(sides[held])
+        number[held] = self._row_of_held.values[self._line_of[holding], place]
         number[sides < 0] = 0
         return number
 
@@ -180,10 +183,11 @@ class Cells:
         """The triangle of each side."""
         return np.asarray(np.searchsorted(self._base, self._holding(side)[0], side="right") - 1, np.int32)
 
-    def area(self, side: NDArray[np.int64]) -> Float:
-        """The area of each side, m2; 0 for smaller ones, since it is that of the cell that holds them."""
+    def area(self, side: NDArray[np.int64], *, of_each: bool = False) -> Float:
+        """The area of each side, m2; of held ones only if asked for `of_each`, since it is that of what holds them."""
         box = _Box(self, side)
-        return np.asarray(2 * self.geometry.area[box.triangle] * np.where(side < self._finer, box.share, 0), np.float32)
+        counts = of_each | (side < self._first_held)
+        return np.asarray(2 * self.geometry.area[box.triangle] * np.where(counts, box.share, 0), np.float32)
 
     def places(self, side: NDArray[np.int64], x: Float,
                y: Float) -> tuple[NDArray[np.int32], Float, Float, NDArray[np.bool_]]:
@@ -208,9 +212,9 @@ class _Box:
         divisions = cells._divisions[self.triangle]
         holding, number = cells._holding(side)
         i, j = np.divmod((holding - cells._base[self.triangle]) >> 1, divisions[:, 1])
-        number = np.where(number == FINER**2, -1, number)
-        row, column = np.divmod(np.maximum(number, 0), FINER)
-        along = np.where(number < 0, 1, FINER)
+        smaller = (number >= 0) & (number < FROM_BEHIND)
+        row, column = np.divmod(np.where(smaller, number, 0), FINER)
+        along = np.where(smaller, FINER, 1)
         self._a, self._b = 1 / (along * divisions[:, 0]), 1 / (along * divisions[:, 1])
         self._low_a, self._low_b = (along * i + row) * self._a, (along * j + column) * self._b
         # How much of a + b is left at the box's low corner, in boxes: the cut runs from (0, height) to (width, 0).

@@ -5,7 +5,8 @@
 Where we leave the textbook:
 
 1. Where most rays meet something nearer than its patch is wide (the gap behind a board, the inside of a drawer), the
-   patches' means say little. There, rays go on, bounce by bounce, until they ask a patch from afar.
+   patches' means say little. There, rays go on, bounce by bounce, until they ask a patch from afar. So do rays that
+   meet the back of something near: what of a footprint lies inside of a solid is confined.
 2. What a ray brings beyond `peak` is kept apart: few rays meet a strip of ceiling right over a lamp, and a receiver
    that happens to has a speckle. Both parts are smoothed, each by its own noise, and add up to the whole.
 """
@@ -37,7 +38,7 @@ LEAST_RAYS = 2**13
 # Rays between two looks at what cells are new.
 PASS_RAYS = 2**22
 # A receiver is confined if this part of its rays meet a patch nearer than NEAR_PATCHES times its width. Such rays go
-# on, this often at most.
+# on, this often at most, and so do rays of other receivers that meet a back so near.
 CONFINED = 0.4
 NEAR_PATCHES = 0.5
 MOST_BOUNCES = 8
@@ -293,7 +294,8 @@ class _Step:
         normal = geometry.normal[triangle]
         normal = np.where(front[:, None], normal, -normal)
         u, v = shifts(self._identity(rays, rays.going), 2, rays.look.seed + 5 + self._bounce).T
-        rays.met = self._transport.trace(start, cosine_directions(normal, u[:, None], v[:, None])[:, 0], ~front)
+        directions = cosine_directions(normal, u[:, None], v[:, None])[:, 0]
+        rays.met = self._transport.trace(start, directions, ~front)
         rays.fresh = rays.met.fresh(self._transport.cells)
         missed = rays.met.missed
         rays.value[rays.going[missed], :3] += rays.carried[missed] * rays.met.sky

@@ -3,9 +3,10 @@
 A patch is the met sides of cells in one box of an octree that face one way (the nearest of the six axes), lie in one
 layer of the box across that way, have about the same room in front of them, are all fronts or all backs of their
 triangles, and belong to one shell (small shells, gravel or leaves, are taken together): a board, its back and the wall
-right behind it are three patches, and so are the outside of a pipe and its inside, for they do not see the same light. A box is split where the receivers look often (`grow`), and where the solution turns out to
-vary inside it (`split`), so that the number of patches follows the light and not the triangles. Cells with a wall
-between them are of different patches (`walls`).
+right behind it are three patches, and so are a pipe, its inside and what stands beside it, for they do not see the same
+light. A box is split where the receivers look often (`grow`), and where the solution turns out to vary inside it
+(`split`), so that the number of patches follows the light and not the triangles. Cells with a wall between them are of
+different patches (`walls`).
 """
 
 from __future__ import annotations
@@ -242,7 +243,8 @@ class Patches:
 @dataclass(frozen=True, eq=False)
 class _Marks:
     """What the patch of a spot depends on at any level: its place about the octree's low corner (n, 3) metres, the axis
-    that it faces along (n,), which way and on which side of its triangle (n,), its shell and how wide that is (n,) metres, and its class of gap (n,)."""
+    that it faces along, which way and on which side of its triangle (n,), its shell and how wide that is (n,) metres,
+    and its class of gap (n,)."""
 
     place: Float
     axis: Int

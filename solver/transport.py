@@ -152,7 +152,7 @@ class Transport:
 
     # --- rays ----------------------------------------------------------------------------------------------------
     def trace(self, origins: Float, directions: Float, behind: NDArray[np.bool_] | None = None) -> Met:
-        """What rays meet."""
+        """What rays meet; `behind` (n,) are those that start at the back of a triangle."""
         hits = self.geometry.visibility.hits(origins, directions)
         self.run.count(len(origins))
         sides = self.cells.sides(hits.triangle, hits.u, hits.v, hits.front, behind)
@@ -236,7 +236,7 @@ class Transport:
         # Neighbours on a triangle stand together, so that points spread over the sum are spread over the patch.
         order = cells[np.lexsort((self.cells.side[cells], place[self.cell_patch[cells]]))]
         row = place[self.cell_patch[order]]
-        area = self.cells.area(self.cells.side[order]).astype(np.float64)
+        area = self.cells.area(self.cells.side[order], of_each=True).astype(np.float64)
         counts = AREA_RAYS * area / np.maximum(np.bincount(row, area, len(patches)), 1e-30)[row]
         known = order < len(self.importance)
         counts[known] += self.importance[order[known]]
@@ -260,7 +260,8 @@ class Transport:
         start = np.take(self.met.start, order[member], axis=0)
         points3, normals = start[:, :3], start[:, 4:7]
         directions = cosine_directions(normals, height.reshape(-1, 1), azimuth.reshape(-1, 1))[:, 0]
-        met = self.trace(points3, directions, self.cells.side[order[member]] & 1 == 0).where_above(directions, self.met.spots.normals[order[member]])
+        behind = self.cells.side[order[member]] & 1 == 0
+        met = self.trace(points3, directions, behind).where_above(directions, self.met.spots.normals[order[member]])
         sky = np.zeros((0 if self.geometry.scene.sky.is_black else len(met.sides), 3), np.float32)
         sky[met.missed] = met.sky
         eighth = self.patches.part(points3, np.repeat(patches[part], rays))
