@@ -108,9 +108,8 @@ class Transport:
         Return the rows of the cells that were met, NOTHING for the sky.
         """
         rows = self.run.map(lambda met: self.cells.rows(met.sides), some)
-        hits = np.zeros(len(self.cells), np.int64)
-        for row in rows:
-            hits += np.bincount(row[row >= 0], minlength=len(hits))
+        every = np.concatenate(rows)
+        hits = np.bincount(every[every >= 0], minlength=len(self.cells))
         few = (self.met.places < PLACES) & (hits >= AGAIN * self.met.places)
         if few.any():
             few = np.append(few, False)  # the last entry is NOTHING's
