@@ -166,3 +166,36 @@ def test_a_divided_cell_keeps_its_row_and_its_area():
     assert cells.rows(np.array([NOTHING])).tolist() == [NOTHING]
     cells.divide(np.arange(len(cells)))
     assert np.array_equal(_all_sides(cells, 900), smaller)
+
+
+@pytest.mark.parametrize("name", TRIANGLES)
+def test_what_is_seen_from_behind_is_another_cell_at_the_same_place(name):
+    # The same hits, every other one by a ray from a back: those have rows of their own, whose places lie in the cells
+    # that hold them. They are not divided with these, and their area counts only if it is asked for.
+    cells = _cells([TRIANGLES[name]], 0.3)
+    whole = _all_sides(cells)
+    x, y = np.random.default_rng(4).uniform(0.01, 0.99, (2, len(whole)))
+    places = cells.places(whole, x, y)
+    usual = cells.sides(*places)
+    from_behind = cells.sides(*places, np.ones(len(whole), bool))
+    assert not np.isin(from_behind, whole).any()
+    assert len(np.unique(from_behind)) == len(np.unique(usual))
+    assert np.array_equal(cells.sides(*places, np.arange(len(whole)) % 2 == 0)[::2], from_behind[::2])
+    assert np.array_equal(cells.sides(*places, np.zeros(len(whole), bool)), usual)
+    cells.meet(from_behind)
+    assert (cells.rows(usual) == NOTHING).all()
+    cells.meet(usual)
+    cells.divide(np.arange(len(cells)))
+    assert np.array_equal(cells.sides(*places, np.ones(len(whole), bool)), from_behind)
+    assert not np.isin(cells.sides(*places), usual).any()
+    for before, now in zip(cells.places(usual, x, y), cells.places(from_behind, x, y), strict=True):
+        assert np.array_equal(before, now)
+    assert not cells.area(from_behind).any()
+    assert np.array_equal(cells.area(from_behind, of_each=True), cells.area(usual))
+
+
+def test_a_ray_from_a_back_that_meets_nothing_has_no_side():
+    # Triangle -1, from behind.
+    cells = _cells([TRIANGLES["right-angled"]], 0.3)
+    nothing = np.zeros(1, np.float32)
+    assert cells.sides(np.array([-1]), nothing, nothing, np.array([True]), np.array([True])).tolist() == [NOTHING]

@@ -7,7 +7,7 @@ import pytest
 from radiosity.solver.geometry import Geometry
 from radiosity.solver.patches import Patches, Spots
 from radiosity.solver.shells import Shells
-from radiosity.tests.solver.rooms import box, quad
+from radiosity.tests.solver.rooms import EAST, WEST, box, quad
 
 VIEW = 2.0
 
@@ -41,6 +41,18 @@ def test_a_board_its_back_and_the_wall_behind_it_are_three_patches():
     assert not front & back
     assert not front & shadowed
     assert not back & shadowed
+
+
+def test_the_inside_of_a_pipe_is_another_patch_than_the_pipe_beside_it():
+    # Two square pipes of 10 cm, 10 cm apart: inside the first and between the two there is the same room in front of
+    # surfaces that face the same way, in one box of the octree, but the first are backs.
+    pipes = box((0, 0, 0), (0.1, 0.1, 2), inward=False) + box((0.2, 0, 0), (0.3, 0.1, 2), inward=False)
+    geometry, patches = _patches(pipes + quad((0, 9, 0), (9, 0, 0), (0, 0, 9)), smallest=9.0)
+    east, other = [2 * EAST, 2 * EAST + 1], [12 + 2 * WEST, 12 + 2 * WEST + 1]
+    inside, beside = _spots(geometry, east, front=False), _spots(geometry, other)
+    assert np.array_equal(np.unique(np.round(inside.gap, 3)), np.unique(np.round(beside.gap, 3)))
+    assert (np.sign(inside.normals[:, 0]) == np.sign(beside.normals[:, 0])).all()
+    assert not set(patches.of(inside).tolist()) & set(patches.of(beside).tolist())
 
 
 def test_the_wall_beside_a_board_is_another_patch_than_the_wall_behind_it():
