@@ -64,8 +64,8 @@ def plan(error: float, distance: float, bounced: float) -> Plan:
         be as much coarser as it is less.
     """
     finer = float(np.clip(0.03 / error * max(bounced, LEAST_SHARE) / USUAL_SHARE, 0.1, 3.0))
-    # A pilot that is enough where light is smooth, since neighbours share theirs; and as much as the rest of a bake costs,
-    # since fewer rays would make it little shorter.
+    # A pilot that is enough where light is smooth, since neighbours share theirs; and that costs as much as the rest,
+    # since fewer rays would make a bake little shorter.
     gather = int(2 ** np.clip(np.floor(np.log2(128 * 0.03 / error)), 5, 9))
     return Plan(
         error=error,
