@@ -101,7 +101,7 @@ class Cells:
             side[rows] = self._held(side[rows], FROM_BEHIND)
         if self._most_divided < MOST_DIVIDED:
             divided = np.take(self._divided.values, np.take(self._row_of, side, mode="clip"))
-            rows = np.flatnonzero(divided & (side < self._first_held))
+            rows = np.flatnonzero(divided & (side >= 0) & (side < self._first_held))
             inside = [np.clip((place[rows] - whole[rows]) * FINER, 0, FINER - 1).astype(np.int32)
                       for place, whole in ((x, i), (y, j))]
             side[rows] = self._held(side[rows], inside[0] * FINER + inside[1])
