@@ -196,7 +196,7 @@ def test_what_is_seen_from_behind_is_another_cell_at_the_same_place(name):
 
 def test_a_ray_from_a_back_that_meets_nothing_has_no_side():
     # Triangle -1, from behind; also where every cell is divided.
-    cells = _divided("right-angled", 0.3)[0]
+    cells = _divided("oblique", 0.3)[0]
     nothing = np.zeros(1, np.float32)
     assert cells.sides(np.array([-1]), nothing, nothing, np.array([True])).tolist() == [NOTHING]
     assert cells.sides(np.array([-1]), nothing, nothing, np.array([True]), np.array([True])).tolist() == [NOTHING]
