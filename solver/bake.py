@@ -44,7 +44,7 @@ from .parallel import Run
 from .patches import Patches
 from .path_keeper import PathKeeper, rays_kept
 from .paths import Paths
-from .plan import AUDIT_LUMELS, MOST_ROW_RAYS, audit_paths, plan
+from .plan import AUDIT_LUMELS, MOST_ROW_RAYS, audit_paths, pilot_rays, plan
 from .probes import free_receivers, probes, triangle_middles
 from .quantities import encode
 from .receivers import Receivers
@@ -63,9 +63,8 @@ from .vertices import corner_receivers
 Float = NDArray[np.floating[Any]]
 Progress = Callable[[str, float], None]
 
-# Rays of a receiver in the pilot that finds the first patches, and in all.
-PILOT_RAYS = 16
-PILOT_TOTAL = 2**18
+# Rays of a receiver in the pilot that finds the first patches; and for how many of them there is a path that goes on.
+PILOT_RAYS, PATH_SHARE = 16, 4
 # Times that patches are split by what the solution does inside them, and how much a patch may add to the error over
 # its fair part of what is wanted.
 MOST_REFINEMENTS = 6
@@ -120,7 +119,8 @@ class _Work:
         patches carry, found if not given."""
         seed = self.settings.seed
         with self.stages("patches"):
-            looks = look_around(self.geometry, places, self.sampled_emitter, seed, self.run)
+            pilot = pilot_rays(self.settings.error)
+            looks = look_around(self.geometry, places, self.sampled_emitter, pilot // PATH_SHARE, seed, self.run)
             self.lamps = self._lamp_level(receivers)
             share = self._bounced_share(looks) if bounced is None else bounced
             self.plan = plan(self.settings.error, looks.distance, share)
@@ -134,7 +134,7 @@ class _Work:
             cells = Cells(self.geometry, self.plan.cell_size)
             transport = Transport(self.geometry, self.direct, self.sampled_emitter, cells, patches, seed, self.run)
             transport.met.steep = STEEP * self.settings.error * (self.lamps + looks.straight)
-            step = max(1, len(places) * PILOT_RAYS // PILOT_TOTAL)
+            step = max(1, len(places) * PILOT_RAYS // pilot)
             self.fans = Fans(places)
             some = np.arange(0, len(places), step)
             self.seen = Gather(transport).meet(self.fans, Look(some, PILOT_RAYS, 0, seed + 1), self.run)

@@ -17,8 +17,7 @@ from .sampling import cosine_directions, kronecker, shifted, shifts
 
 Float = NDArray[np.floating[Any]]
 
-# Paths in all, and bounces of each.
-PATHS = 2**16
+# Bounces of a path.
 BOUNCES = 4
 
 
@@ -44,10 +43,11 @@ class Importance:
     bounced: float
 
 
-def look_around(geometry: Geometry, places: Footprints, lamp: NDArray[np.bool_], seed: int, run: Run) -> Importance:
-    """Follow paths from all over the footprints; `lamp` (t,) are triangles whose light lamps stand for."""
-    each = max(1, PATHS // len(places))
-    count = min(len(places), PATHS)
+def look_around(geometry: Geometry, places: Footprints, lamp: NDArray[np.bool_], paths: int, seed: int,
+                run: Run) -> Importance:
+    """Follow about that many paths from all over the footprints; lamps stand for the light of triangles `lamp` (t,)."""
+    each = max(1, paths // len(places))
+    count = min(len(places), paths)
     rows = np.repeat(np.linspace(0, len(places) - 1, count).astype(np.int64), each)
     set_of_points = kronecker(each, 4)
     move = shifts(places.identity[rows[::each]], 4, seed + 3)

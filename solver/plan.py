@@ -17,6 +17,9 @@ LEAST_SHARE = 0.02
 # Most rays of a row.
 MOST_ROW_RAYS = 1024
 
+# Most rays of all receivers in the pilot.
+MOST_PILOT_RAYS = 2**18
+
 # Lumels that are audited.
 AUDIT_LUMELS = 384
 
@@ -78,6 +81,11 @@ def plan(error: float, distance: float, bounced: float) -> Plan:
         direct_error=0.3 * error,
         patch_error=0.3 * error,
     )
+
+
+def pilot_rays(error: float) -> int:
+    """First rays of all receivers together, which find the first patches and what matters of them."""
+    return int(MOST_PILOT_RAYS * np.clip(0.03 / error, 1 / 8, 1))
 
 
 def audit_paths(error: float) -> int:
