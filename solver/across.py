@@ -13,7 +13,6 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from .lumels import charts_of_triangles
 from .parallel import slices
 from .receivers import Lumels
 from .scene import Scene, surface_of_triangle
@@ -76,10 +75,11 @@ class _Grid:
     """Where lumels and triangles lie in the layout."""
 
     def __init__(self, lumels: Lumels, scene: Scene) -> None:
-        self.chart, self.position = lumels.chart, lumels.receivers.position
-        self.chart_of = charts_of_triangles(scene, lumels.uv)
+        self.chart, self.chart_of = lumels.chart, lumels.chart_of_triangle
+        self.position = lumels.receivers.position
         self._page = lumels.page_of_surface[surface_of_triangle(scene)]
         self._size = np.array([(page.width, page.height) for page in lumels.pages], np.int64)
+        self._width, self._height = self._size.T
         self._first = np.concatenate([[0], np.cumsum(self._size.prod(axis=1))])
         self._lumel = np.full(self._first[-1], -1, np.int64)
         self._lumel[self._first[lumels.page] + lumels.pixel] = np.arange(len(lumels))
@@ -91,11 +91,10 @@ class _Grid:
 
     def of_chart(self, triangle: Int, texel: Int) -> Int:
         """The lumel at texels (..., 2) of the pages of triangles (...); -1 where none of the triangle's chart is."""
-        page = self._page[triangle]
-        size = self._size[page]
-        within = ((texel >= 0) & (texel < size)).all(axis=-1)
-        place = np.where(within, self._first[page] + texel[..., 1] * size[..., 0] + texel[..., 0], 0)
-        lumel = np.where(within, self._lumel[place], -1)
+        page, (x, y) = self._page[triangle], np.moveaxis(texel, -1, 0)
+        width, height = self._width[page], self._height[page]
+        within = (x >= 0) & (x < width) & (y >= 0) & (y < height)
+        lumel = np.where(within, self._lumel[np.where(within, self._first[page] + y * width + x, 0)], -1)
         return np.where((lumel >= 0) & (self.chart[lumel] == self.chart_of[triangle]), lumel, -1)
 
     @staticmethod
@@ -135,20 +134,21 @@ def _on_ways(samples: SeamSamples, grid: _Grid) -> NDArray[Any]:
     sample, place = np.nonzero((lumel >= 0) & turn.any(axis=(1, 2))[:, None])
     lumel, texel = lumel[sample, place], texel[sample, place]
     pieces = []
+    middle = (texel + 0.5 - here[sample]).T
     for way, step in enumerate(WAYS):
-        distance = np.linalg.norm(texel + 0.5 + step / 2 - here[sample], axis=1)
-        near = np.flatnonzero(distance < ON_WAY)
+        square = (middle[0] + step[0] / 2) ** 2 + (middle[1] + step[1] / 2) ** 2
+        near = np.flatnonzero(square < ON_WAY**2)
         near = near[grid.of_chart(own[sample[near]], texel[near] + step) < 0]
         which = sample[near]
-        offset = texel[near] + 0.5 + step - here[which]
+        offset = middle[:, near].T + step
         target = np.floor(there[which] + np.einsum("nij,nj->ni", turn[which], offset)).astype(np.int64)
         found = np.empty(len(near), _FOUND)
-        found["lumel"], found["way"], found["distance"] = lumel[near], way, distance[near]
+        found["lumel"], found["way"], found["distance"] = lumel[near], way, square[near]
         found["other"] = grid.of_chart(other[which], target)
         found["onward"] = np.argmax(turn[which] @ step @ _DIRECTIONS.T, axis=1)
         led = metres[which] @ step
         astray = grid.position[found["other"]] - grid.position[found["lumel"]] - led
         good = (found["other"] >= 0) & (found["other"] != found["lumel"])
-        good &= np.linalg.norm(astray, axis=1) < ASTRAY * np.linalg.norm(led, axis=1)
+        good &= np.square(astray).sum(axis=1) < ASTRAY**2 * np.square(led).sum(axis=1)
         pieces.append(found[good])
     return np.concatenate(pieces)

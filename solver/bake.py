@@ -15,6 +15,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from contextlib import AbstractContextManager
 from functools import partial
 from typing import Any
 
@@ -28,7 +29,7 @@ from .cells import Cells
 from .closure import patch_table
 from .direct import PILOT_RAYS as PILOT
 from .direct import DirectLight
-from .energy import energy_balance
+from .energy import EnergyBalance, energy_balance
 from .errors import NothingToBake
 from .fans import Fans
 from .finish import finished
@@ -259,6 +260,10 @@ class _Work:
         bounced = MORE_BOUNCES * once + looks.bounced
         return bounced / max(self.lamps + looks.straight + bounced, 1e-30)
 
+    def energy(self) -> AbstractContextManager[Callable[[], EnergyBalance]]:
+        """The scene's energy, added up beside what is done meanwhile."""
+        return self.run.beside("energy", partial(energy_balance, self.transported, self.settings.seed))
+
     def _truth(self, places: ReceiverFootprints, near: Neighbours | None, run: Run) -> Truth:
         """Path trace receivers drawn at random; of lumels the inner ones, as against a renderer."""
         random = np.random.default_rng([AUDIT_SEED, self.settings.seed])
@@ -302,37 +307,42 @@ def bake(scene: Scene, settings: Settings, progress: Progress | None = None,
         samples = seam_samples(lumels, scene)
         near = Neighbours(lumels, links(samples, lumels, scene))
     direct, bounced = work.light(lumels.receivers, near)
-    with work.stages("finish"):
-        triangle = lumels.receivers.triangle
-        albedo = work.geometry.reflectance(triangle, *lumels.receivers.barycentric.T)
-        values = encode(_passes(direct, bounced, settings.passes), settings.quantity, albedo)
-        light = direct + bounced
-        seen = ~unseen(work.fans, work.geometry.visibility, light, settings.seed + 13, work.run)
-        shown = stand_ins(seen, light, near.in_chart(1), settings.margin)
-        seams = Seams(samples, lumels, scene, values[shown])
-        images = finished(lumels, seams, values[shown], settings)
-        layers = group_light(work.split, work.apart, settings.quantity, albedo,
-                             lambda part: finished(lumels, seams, part[shown], settings))
-        placed = [(surface.name, int(page)) for surface, page in
-                  zip(scene.surfaces, lumels.page_of_surface, strict=True)]
-        lightmaps = tuple(Lightmap(page.name, pixels, tuple(name for name, place in placed if place == number))
-                          for number, (page, pixels) in enumerate(zip(lumels.pages, images, strict=True)))
-    return Bake(lightmaps, lumels.uv, lumels.page_of_surface, None, _report(work, len(lumels)), layers,
-                patch_table(work.transported), work.paths)
+    with work.energy() as energy:
+        with work.stages("finish"):
+            triangle = lumels.receivers.triangle
+            albedo = work.geometry.reflectance(triangle, *lumels.receivers.barycentric.T)
+            values = encode(_passes(direct, bounced, settings.passes), settings.quantity, albedo)
+            light = direct + bounced
+            seen = ~unseen(work.fans, work.geometry.visibility, light, settings.seed + 13, work.run)
+            shown = stand_ins(seen, light, near.in_chart(1), settings.margin)
+            seams = Seams(samples, lumels, scene, values[shown])
+            images = finished(lumels, seams, values[shown], settings)
+            layers = group_light(work.split, work.apart, settings.quantity, albedo,
+                                 lambda part: finished(lumels, seams, part[shown], settings))
+            placed = [(surface.name, int(page)) for surface, page in
+                      zip(scene.surfaces, lumels.page_of_surface, strict=True)]
+            lightmaps = tuple(Lightmap(page.name, pixels, tuple(name for name, place in placed if place == number))
+                              for number, (page, pixels) in enumerate(zip(lumels.pages, images, strict=True)))
+        report = _report(work, len(lumels), energy)
+    return Bake(lightmaps, lumels.uv, lumels.page_of_surface, None, report, layers, patch_table(work.transported),
+                work.paths)
 
 
 def _bake_vertices(work: _Work) -> Bake:
     with work.stages("lumels"):
         receivers, fit = corner_receivers(work.scene, work.settings)
     direct, bounced = work.light(receivers)
-    with work.stages("finish"):
-        albedo = work.geometry.reflectance(receivers.triangle, *receivers.barycentric.T)
-        values = encode(_passes(direct, bounced, work.settings.passes), work.settings.quantity, albedo)
-        colours = tuple(fit(values))
-        layers = group_light(work.split, work.apart, work.settings.quantity, albedo, lambda light: fit(light, values))
+    with work.energy() as energy:
+        with work.stages("finish"):
+            albedo = work.geometry.reflectance(receivers.triangle, *receivers.barycentric.T)
+            values = encode(_passes(direct, bounced, work.settings.passes), work.settings.quantity, albedo)
+            colours = tuple(fit(values))
+            layers = group_light(work.split, work.apart, work.settings.quantity, albedo,
+                                 lambda light: fit(light, values))
+        report = _report(work, len(receivers), energy)
     nowhere = np.full(len(work.scene.surfaces), -1, np.int32)
-    return Bake((), tuple(None for _ in work.scene.surfaces), nowhere, colours, _report(work, len(receivers)),
-                layers, patch_table(work.transported), work.paths)
+    return Bake((), tuple(None for _ in work.scene.surfaces), nowhere, colours, report, layers,
+                patch_table(work.transported), work.paths)
 
 
 def solve(scene: Scene, settings: Settings) -> Solution:
@@ -368,8 +378,8 @@ def _passes(direct: Float, bounced: Float, passes: str) -> Float:
     return {"direct": direct, "indirect": bounced}.get(passes, direct + bounced)
 
 
-def _report(work: _Work, lumels: int) -> dict[str, Any]:
+def _report(work: _Work, lumels: int, energy: Callable[[], EnergyBalance]) -> dict[str, Any]:
     with work.stages("energy"):
-        balance = energy_balance(work.transported, work.settings.seed, work.run)
+        balance = energy()
     return report(work.scene, work.settings, work.stages, lumels, work.transported, work.error, balance, work.linear,
                   work.warnings)

@@ -115,7 +115,7 @@ def _assemble(scene: Scene, layout: Layout, covers: list[Coverage], chart: NDArr
         start += len(pixel)
     receivers = Receivers(position, normal, triangle, barycentric, footprint, texel=texel)
     return Lumels(receivers, surface_of_triangle(scene)[triangle], page_index, np.concatenate(pixels).astype(np.int64),
-                  chart[triangle], layout.pages, layout.page_of_surface, layout.uv)
+                  chart[triangle], layout.pages, layout.page_of_surface, layout.uv, chart)
 
 
 def _barycentric(corner: Float, point: Float) -> tuple[Float, Float]:
@@ -166,7 +166,7 @@ def place(scene: Scene, triangle: Int, weight: Float) -> tuple[Float, Float]:
 
 
 def charts_of_triangles(scene: Scene, uv: Sequence[Float | None]) -> NDArray[np.int32]:
-    """(t,) int32: the connected piece of the layout that each triangle belongs to, as in `Lumels.chart`."""
+    """(t,) int32: as `Lumels.chart_of_triangle`."""
     return _charts(scene, _nodes(scene, uv))
 
 

@@ -69,6 +69,7 @@ class Lumels:
     pages : the images.
     page_of_surface : (surfaces,) int32, the page each object lies on; -1 for one that does not receive.
     uv : one (count, 3, 2) float32 a surface (None for one that does not receive): the layout in its page, [0, 1]^2.
+    chart_of_triangle : (t,) int32, the piece of the layout that each triangle of the scene belongs to.
     """
 
     receivers: Receivers
@@ -79,6 +80,7 @@ class Lumels:
     pages: tuple[Page, ...]
     page_of_surface: NDArray[np.int32]
     uv: tuple[Float | None, ...]
+    chart_of_triangle: NDArray[np.int32]
 
     def __len__(self) -> int:
         return len(self.pixel)

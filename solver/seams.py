@@ -13,7 +13,6 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from .lumels import charts_of_triangles
 from .receivers import Lumels
 from .scene import Scene, surface_of_triangle
 from .seam_samples import SeamSamples
@@ -137,11 +136,10 @@ def seam_taps(samples: SeamSamples, lumels: Lumels, scene: Scene) -> Taps:
     offset = np.concatenate([[0], np.cumsum(sizes.prod(axis=1))])
     owner = np.full(offset[-1], -1, np.int32)
     owner[texel_of(lumels)] = lumels.chart
-    chart_of = charts_of_triangles(scene, lumels.uv)
     page = lumels.page_of_surface[surface_of_triangle(scene)[samples.triangle]].reshape(-1)
     texel, weight = _taps(samples.uv.reshape(-1, 2) * sizes[page] - 0.5, sizes[page], offset[page])
     texel, weight = texel.reshape(-1, 2, 4), weight.reshape(-1, 2, 4)
-    chart, there = chart_of[samples.triangle], owner[texel]
+    chart, there = lumels.chart_of_triangle[samples.triangle], owner[texel]
     usable = ((there < 0) | (there == chart[:, :, None]) | (weight == 0)).all(axis=(1, 2))
     return Taps(texel[usable], weight[usable], chart[usable], owner)
 

@@ -15,7 +15,8 @@ def lumels(width, height, pixel, chart=None, page=None, pages=1):
     receivers = Receivers(nothing, nothing, zero, nothing[:, :2], np.zeros((count, 2, 2), np.float32))
     images = tuple(Page(f"page {number}", width, height) for number in range(pages))
     return Lumels(receivers, zero, zero if page is None else np.asarray(page, np.int32), pixel,
-                  zero if chart is None else np.asarray(chart, np.int32), images, np.zeros(1, np.int32), (None,))
+                  zero if chart is None else np.asarray(chart, np.int32), images, np.zeros(1, np.int32), (None,),
+                  zero[:1])
 
 
 def test_the_middle_of_nine_lumels_has_eight_neighbours_and_a_corner_three():
