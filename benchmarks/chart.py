@@ -44,7 +44,7 @@ def run(*words: str) -> int:
     return subprocess.run([sys.executable, "-m", *words], cwd=ROOT, check=False).returncode
 
 
-def measure(scenes: list[str], programs: list[str], output: Path) -> None:
+def measure(scenes: list[str], programs: list[str], rounds: int, output: Path) -> None:
     """Run what was asked for and gather its rows in `output`."""
     if PEERS & set(programs):
         run("benchmarks.peers.environment")
@@ -52,7 +52,7 @@ def measure(scenes: list[str], programs: list[str], output: Path) -> None:
     tables = []
     if baked:
         for scene in scenes:
-            if run("radiosity.benchmarks.peers.run", scene, "--programs", *baked):
+            if run("radiosity.benchmarks.peers.run", scene, "--rounds", str(rounds), "--programs", *baked):
                 sys.exit(f"{scene} could not be measured")
             tables.append((ROOT / "out" / "benchmarks" / scene / "peers.csv").read_text().splitlines())
         lines = tables[0][:1] + [line for table in tables for line in table[1:]]
@@ -130,12 +130,13 @@ def main(arguments: list[str] | None = None) -> int:
     parser.add_argument("--draw", action="store_true", help="draw the tables that are there, without measuring")
     parser.add_argument("--scenes", nargs="+", default=list(SCENES), help=f"({' '.join(SCENES)})")
     parser.add_argument("--programs", nargs="+", choices=PROGRAMS, default=list(PROGRAMS), help="all by default")
+    parser.add_argument("--rounds", type=int, default=1, help="times that ours and Cycles are timed, in turn (1)")
     parser.add_argument("--output", type=Path, default=ROOT / "docs", help="folder of tables and pictures (docs)")
     chosen = parser.parse_args(arguments)
     chosen.output.mkdir(parents=True, exist_ok=True)
     output = Path(os.path.abspath(chosen.output))
     if not chosen.draw:
-        measure(chosen.scenes, chosen.programs, output)
+        measure(chosen.scenes, chosen.programs, chosen.rounds, output)
     pictures = draw(output)
     if not pictures:
         sys.exit(f"no table in {output}: measure first")

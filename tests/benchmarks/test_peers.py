@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
+import dataclasses
 import json
 
 import numpy as np
 import pytest
 from radiosity.benchmarks import chart
+from radiosity.benchmarks.cycles.compare import Row
 from radiosity.benchmarks.form_factors import peers as form_factor_peers
 from radiosity.benchmarks.form_factors.cases import BY_NAME
 from radiosity.benchmarks.peers import environment, mitsuba_bake, oidn, twin_arrays, view_factors
+from radiosity.benchmarks.peers.run import quickest
 
 
 @pytest.fixture
@@ -142,3 +145,14 @@ def test_requests_are_plain_json():
     case = form_factor_peers._plain(BY_NAME["P-14"])
     assert json.loads(json.dumps(case))["exact"] == BY_NAME["P-14"].exact
     assert np.shape(case["occluders"]) == (1, 4, 3)
+
+
+def test_of_several_rounds_the_quickest_of_each_bake_counts():
+    # Two rounds of two bakes by us and one by Cycles, numbered: of each program and knob the row with fewest seconds.
+    def row(program, knob, seconds, rays):
+        values = dict.fromkeys((field.name for field in dataclasses.fields(Row)), 0.0)
+        return Row(**{**values, "program": program, "knob": knob, "seconds": seconds, "rays": rays})
+
+    rows = [row("ours", "0.1", 3.0, 1), row("ours", "0.03", 5.0, 2), row("cycles", "16", 1.0, 3),
+            row("ours", "0.1", 2.0, 4), row("ours", "0.03", 6.0, 5), row("cycles", "16", 1.5, 6)]
+    assert [each.rays for each in quickest(rows)] == [4, 2, 3]
