@@ -124,7 +124,7 @@ class _Work:
             looks = look_around(self.geometry, places, self.sampled_emitter, pilot // PATH_SHARE, seed, self.run)
             self.lamps = self._lamp_level(receivers)
             share = self._bounced_share(looks) if bounced is None else bounced
-            self.plan = plan(self.settings.error, looks.distance, share)
+            self.plan = plan(self.settings.error, looks.distance, share, len(receivers))
             corners = self.geometry.corners.reshape(-1, 3)
             shells = Shells.of(self.geometry.corners)
             patches = Patches(shells, corners.min(axis=0), corners.max(axis=0), self.plan.smallest_patch,

@@ -20,6 +20,9 @@ MOST_ROW_RAYS = 1024
 # Most rays of all receivers in the pilot.
 MOST_PILOT_RAYS = 2**18
 
+# So many receivers are few: their gather is no larger part of a bake than patches and audit.
+FEW_RECEIVERS = 2**17
+
 # Lumels that are audited.
 AUDIT_LUMELS = 384
 
@@ -57,7 +60,7 @@ class Plan:
         return int(np.clip(everything / max(patches, 1), least, max(least, MOST_ROW_RAYS)))
 
 
-def plan(error: float, distance: float, bounced: float) -> Plan:
+def plan(error: float, distance: float, bounced: float, receivers: int) -> Plan:
     """The work for a wanted relative RMS error.
 
     Parameters
@@ -65,11 +68,13 @@ def plan(error: float, distance: float, bounced: float) -> Plan:
     distance : how far the receivers usually see, metres.
     bounced : the part of their light that comes over other surfaces: patches and their rows serve only that, and may
         be as much coarser as it is less.
+    receivers : how many there are.
     """
     finer = float(np.clip(0.03 / error * max(bounced, LEAST_SHARE) / USUAL_SHARE, 0.1, 3.0))
-    # A pilot that is enough where light is smooth, since neighbours share theirs; and that costs as much as the rest,
-    # since fewer rays would make a bake little shorter.
-    gather = int(2 ** np.clip(np.floor(np.log2(128 * 0.03 / error)), 5, 9))
+    # A pilot that is enough where light is smooth, since neighbours share theirs. Of few receivers it may cost as much
+    # as the rest of a bake, since fewer rays would make that little shorter.
+    rays = (128 if receivers <= FEW_RECEIVERS else 90) * 0.03 / error
+    gather = int(2 ** np.clip(np.floor(np.log2(rays)), 5, 9))
     return Plan(
         error=error,
         patches=int(6000 * finer),

@@ -10,14 +10,14 @@ from radiosity.solver.plan import MOST_ROW_RAYS, plan
 @pytest.mark.parametrize("error", [0.1, 0.03, 0.003])
 def test_the_parts_of_the_error_add_up_to_no_more_than_is_wanted(error):
     # Independent errors: the root of the sum of squares.
-    wanted = plan(error, 1.0, 0.5)
+    wanted = plan(error, 1.0, 0.5, 1000)
     parts = np.array([wanted.gather_error, wanted.direct_error, wanted.patch_error])
     assert np.sqrt((parts**2).sum()) <= error
 
 
 def test_less_error_never_takes_less_work():
     # From 10 % to .3 %.
-    plans = [plan(error, 1.0, 0.5) for error in (0.1, 0.03, 0.01, 0.003)]
+    plans = [plan(error, 1.0, 0.5, 1000) for error in (0.1, 0.03, 0.01, 0.003)]
     for name in ("patches", "gather_rays", "row_rays"):
         assert sorted(getattr(one, name) for one in plans) == [getattr(one, name) for one in plans]
     assert sorted((one.cell_size for one in plans), reverse=True) == [one.cell_size for one in plans]
@@ -25,7 +25,7 @@ def test_less_error_never_takes_less_work():
 
 def test_many_rows_have_few_rays_and_few_rows_many():
     # All rows together have about as many rays, within the most and the least of one.
-    wanted = plan(0.03, 1.0, 0.5)
+    wanted = plan(0.03, 1.0, 0.5, 1000)
     everything, least = wanted.row_rays
     assert wanted.rays_of_row(1) == MOST_ROW_RAYS
     assert wanted.rays_of_row(10**6) == least
@@ -34,6 +34,14 @@ def test_many_rows_have_few_rays_and_few_rows_many():
 
 def test_a_bake_expects_what_its_gather_left_and_a_little_more():
     # Nothing left: half of what direct light and patches may have; far more left: that.
-    wanted = plan(0.03, 1.0, 0.5)
+    wanted = plan(0.03, 1.0, 0.5, 1000)
     assert wanted.expected_error(0.0) == pytest.approx(np.hypot(wanted.direct_error, wanted.patch_error) / 2)
     assert wanted.expected_error(1.0) == pytest.approx(1.0, rel=1e-3)
+
+
+def test_many_receivers_start_with_fewer_rays_each_than_few():
+    # Half as many at 3 %, and never more.
+    few, many = ([plan(error, 1.0, 0.5, count).gather_rays for error in (0.1, 0.03, 0.01, 0.003)]
+                 for count in (10**4, 10**6))
+    assert few[1] == 2 * many[1]
+    assert all(one >= other for one, other in zip(few, many, strict=True))

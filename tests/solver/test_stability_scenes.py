@@ -206,7 +206,7 @@ def test_a_tolerance_below_the_noise_does_not_explode(monkeypatch, validation):
                                                                    direct_error=1e-7))
     strict = bake(_furnished().scene(), settings).report
     rays = [{stage["name"]: stage["rays"] for stage in report["stages"]} for report in (usual, strict)]
-    first_look = plan(0.1, 1.0, 1.0).gather_rays * usual["lumels"]
+    first_look = plan(0.1, 1.0, 1.0, usual["lumels"]).gather_rays * usual["lumels"]
     assert rays[0]["gather"] < rays[1]["gather"] < (1 + MOST_FACTOR) * 2 * first_look
     assert rays[1]["direct"] < 2 * MOST_RAYS * usual["lumels"]
     assert strict["patches"] < 1.2 * usual["patches"]
