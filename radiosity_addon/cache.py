@@ -45,7 +45,7 @@ ABOUT, LAYOUT, LAYERS, PATHS = "groups.json", "layout.npz", "layers_{}.npy", "pa
 # Arrays of more bytes are left on disk until they are used.
 LARGE = 2**20
 # Changes with what the files hold: older ones are as good as none.
-FORMAT = "radiosity light groups 3"
+FORMAT = "radiosity light groups 4"
 
 
 @dataclass(frozen=True, eq=False)

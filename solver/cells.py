@@ -68,8 +68,8 @@ class Cells:
         # 0: not met; else row + 1. The last entry stands for NOTHING.
         self._row_of = np.zeros(self._first_held + 1, np.int32)
         self._side = Growing((), np.int64)
-        # For each row + 1, whether it is divided.
-        self._divided, self._most_divided = Growing((), np.bool_), MOST_DIVIDED
+        # For each row + 1, whether it is divided; and how many are.
+        self._divided, self._divisions_made = Growing((), np.bool_), 0
         self._divided.append(np.zeros(1, np.bool_))
         # For each side 0 or the line of what it holds; in each line, for each held cell, 0 or row + 1.
         self._line_of = np.zeros(self._first_held, np.int32)
@@ -99,7 +99,7 @@ class Cells:
         if behind is not None:
             rows = np.flatnonzero(behind & (triangle >= 0))
             side[rows] = self._held(side[rows], FROM_BEHIND)
-        if self._most_divided < MOST_DIVIDED:
+        if self._divisions_made:
             divided = np.take(self._divided.values, np.take(self._row_of, side, mode="clip"))
             rows = np.flatnonzero(divided & (side >= 0) & (side < self._first_held))
             inside = [np.clip((place[rows] - whole[rows]) * FINER, 0, FINER - 1).astype(np.int32)
@@ -134,15 +134,17 @@ class Cells:
         return slice(first, len(self))
 
     def _hold(self, sides: NDArray[np.int64]) -> None:
+        """Give sides that hold nothing yet a line for what they will hold."""
         first = len(self._row_of_held)
         self._line_of[sides] = np.arange(first, first + len(sides), dtype=np.int32)
         self._row_of_held.append(np.zeros((len(sides), HELD), np.int32))
 
     def divide(self, rows: Int) -> None:
         """Let what meets these cells from now on read smaller ones; held ones are not divided."""
-        rows = rows[(self.side[rows] < self._first_held) & ~self._divided.values[rows + 1]][:self._most_divided]
+        rows = rows[(self.side[rows] < self._first_held) & ~self._divided.values[rows + 1]]
+        rows = rows[:MOST_DIVIDED - self._divisions_made]
         self._divided.values[rows + 1] = True
-        self._most_divided -= len(rows)
+        self._divisions_made += len(rows)
 
     def unmet(self, sides: NDArray[np.int64]) -> NDArray[np.int64]:
         """The sides that have no row yet, each once, in the order of their numbers."""

@@ -53,6 +53,7 @@ class MetCells:
         self._places = Growing((), np.uint8)
         self._tables = (self._incident, self._direct, self._emission, self._reflectance, self._places)
         self._start, self._gap, self._triangle = Growing((8,)), Growing(), Growing((), np.int32)
+        self._front = Growing((), np.bool_)
 
     def __len__(self) -> int:
         return len(self.cells)
@@ -101,7 +102,7 @@ class MetCells:
     def spots(self) -> Spots:
         """The cells' middles."""
         return Spots(self._points.values, self._normals.values, self._triangle.values, self._gap.values,
-                     (self.cells.side & 1).astype(bool))
+                     self._front.values)
 
     @property
     def places(self) -> NDArray[np.uint8]:
@@ -177,6 +178,7 @@ class MetCells:
         self._normals.append(spots.normals)
         self._triangle.append(spots.triangle)
         self._gap.append(spots.gap)
+        self._front.append(spots.front)
         start = np.zeros((len(places), 8), np.float32)
         start[:, :3], start[:, 4:7] = places.start[places.first], places.normal[places.first]
         self._start.append(start)

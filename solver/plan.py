@@ -73,8 +73,9 @@ def plan(error: float, distance: float, bounced: float, receivers: int) -> Plan:
     finer = float(np.clip(0.03 / error * max(bounced, LEAST_SHARE) / USUAL_SHARE, 0.1, 3.0))
     # A pilot that is enough where light is smooth, since neighbours share theirs. Of few receivers it may cost as much
     # as the rest of a bake, since fewer rays would make that little shorter.
-    rays = (128 if receivers <= FEW_RECEIVERS else 90) * 0.03 / error
-    gather = int(2 ** np.clip(np.floor(np.log2(rays)), 5, 9))
+    doublings = np.log2(64 * 0.03 / error)
+    doublings = np.floor(doublings) + 1 if receivers <= FEW_RECEIVERS else np.round(doublings)
+    gather = int(2 ** np.clip(doublings, 5, 9))
     return Plan(
         error=error,
         patches=int(6000 * finer),

@@ -259,8 +259,9 @@ class Transport:
         start = np.take(self.met.start, order[member], axis=0)
         points3, normals = start[:, :3], start[:, 4:7]
         directions = cosine_directions(normals, height.reshape(-1, 1), azimuth.reshape(-1, 1))[:, 0]
-        behind = self.cells.side[order[member]] & 1 == 0
-        met = self.trace(points3, directions, behind).where_above(directions, self.met.spots.normals[order[member]])
+        spots = self.met.spots
+        met = self.trace(points3, directions, ~spots.front[order[member]])
+        met = met.where_above(directions, spots.normals[order[member]])
         sky = np.zeros((0 if self.geometry.scene.sky.is_black else len(met.sides), 3), np.float32)
         sky[met.missed] = met.sky
         eighth = self.patches.part(points3, np.repeat(patches[part], rays))

@@ -134,14 +134,13 @@ def measure(case: Case, programs: list[str], rounds: int = 1) -> tuple[list[Row]
         machine only ever makes one longer.
     """
     comparison, problems = Comparison(case), {}
-    for number in range(rounds):
-        for program in PROGRAMS:
-            if program in programs and (number == 0 or program in TIMED_AGAIN):
-                try:
-                    PROGRAMS[program](comparison)
-                except PeerError as problem:
-                    problems[program] = str(problem)
-                    print(f"  {case.name} {program}: no curve: {problem}", flush=True)
+    wanted = [program for program in PROGRAMS if program in programs]
+    for program in wanted + [program for program in wanted if program in TIMED_AGAIN] * (rounds - 1):
+        try:
+            PROGRAMS[program](comparison)
+        except PeerError as problem:
+            problems[program] = str(problem)
+            print(f"  {case.name} {program}: no curve: {problem}", flush=True)
     rows = quickest(comparison.rows)
     compare.write_csv(case.folder / "peers.csv", rows)
     (case.folder / "peers.txt").write_text("".join(f"{name}: {why}\n" for name, why in problems.items()))
