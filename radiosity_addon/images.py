@@ -45,9 +45,7 @@ def texture_parts(image: Any, material: str, warnings: Warnings, highest: float 
         If the image's file is missing or can't be read.
     """
     _tell_kind(image, material, warnings)
-    yield PAUSE
-    stored = _stored(image, material)
-    yield
+    stored = yield from _stored(image, material)
     decode = _decoder(image, material, warnings)
     name = image.name
     return (yield from aside(lambda: _texture(name, stored, decode, material, warnings, highest)))
@@ -61,17 +59,17 @@ def mean_parts(image: Any, material: str, highest: float = math.inf) -> Parts[Fl
     SceneError
         If the image's file is missing or can't be read.
     """
-    yield PAUSE
-    stored = _stored(image, material)
-    yield
+    stored = yield from _stored(image, material)
     step = -(-max(stored.shape[:2]) // GLANCE_SIDE)
     pixels = _decoder(image, material, [])(stored[::step, ::step])
     pixels = np.clip(np.nan_to_num(pixels, nan=0.0, posinf=0.0, neginf=0.0), 0.0, highest)
     return np.asarray(pixels.mean(axis=(0, 1)), np.float32)
 
 
-def _stored(image: Any, material: str) -> Float:
+def _stored(image: Any, material: str) -> Parts[Float]:
     """The image as it is kept, (h, w, channels) float32."""
+    yield PAUSE
+    # Asked for its size, Blender reads the file.
     width, height = image.size
     channels = image.channels
     if not (width and height and channels):
@@ -79,8 +77,11 @@ def _stored(image: Any, material: str) -> Float:
         where = os.path.normpath(path) if path else "an unknown place"
         raise SceneError(f"material {material!r}: image {image.name!r} is missing at {where}: "
                          "restore the file (File > External Data > Find Missing Files) or choose another image")
-    values = np.empty(width * height * channels, np.float32)
+    # Memory that was written to before is filled in half the time: it is the window that waits for the second.
+    values = yield from aside(lambda: np.full(width * height * channels, 0, np.float32))
+    yield PAUSE
     image.pixels.foreach_get(values)
+    yield
     return values.reshape(height, width, channels)
 
 
@@ -102,7 +103,10 @@ def _texture(name: str, stored: Float, decode: Callable[[Float], Float], materia
     if brightest > 1 and math.isfinite(highest):
         warn(warnings, material, "reflectance", f"its image {name!r} has values up to {brightest:g}: they are "
              f"held to {highest}, choose a darker one")
-    return Texture(_shrunk(np.concatenate(decoded)), name)
+    made = Texture(_shrunk(np.concatenate(decoded)), name)
+    # Worked out here, where no window waits, and kept.
+    _ = made.mean
+    return made
 
 
 def _tell_kind(image: Any, material: str, warnings: Warnings) -> None:

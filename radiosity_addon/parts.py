@@ -18,7 +18,7 @@ Other = TypeVar("Other")
 Parts = Generator[Any, None, Result]
 
 # Seconds that a part aims at in a window, and where nobody waits for one.
-WINDOW_PART, ENDLESS = 0.03, math.inf
+WINDOW_PART, ENDLESS = 0.02, math.inf
 
 
 class _Pause:

@@ -2,7 +2,7 @@
 
 Blender hands a render's view of the scene out for one call only, so each part asks for it anew, and goes on where the
 last one ended. To ask takes as long as the scene's modifiers do, and lets all viewports draw the scene from its start:
-a part lasts for a multiple of it. What the viewport shows is there already.
+a part lasts for a good part of it at least. What the viewport shows is there already.
 """
 
 from __future__ import annotations
@@ -16,8 +16,9 @@ import bpy
 from . import cycles, preview
 from .parts import Parts
 
-# A part goes on for as long as it took to begin, times this, however short it is to be.
-WORTH = 1.0
+# A part goes on for as long as it took to begin, times this, however short it is to be: reading takes three times its
+# own seconds at worst.
+WORTH = 0.5
 
 
 class Clock:
