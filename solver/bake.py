@@ -77,7 +77,7 @@ COMPLETE_CELLS = 2**18
 STEEP = 24.0
 # All rows are traced anew, with MORE_RAYS times the rays, while their noise shifts the mean light by more than this
 # part of the wanted error; so often at most, and while all rows hold no more hits (up to 17 bytes each).
-LEVEL_SHARE, MORE_RAYS, MOST_RETRACED, MOST_HITS = 0.15, 4, 2, 3 * 2**24
+LEVEL_SHARE, MORE_RAYS, MOST_RETRACED, MOST_HITS = 0.12, 4, 2, 3 * 2**24
 # Residuals of the linear system that are small enough to see where to split patches, and at the end.
 ROUGH, TOLERANCE = 1e-2, 1e-5
 # The audit's random numbers start here, so that it shares none with the bake.

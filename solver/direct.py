@@ -43,15 +43,20 @@ LEAST_PART = 16
 # Shadow rays of the pilot for one lamp and point; an occluder of less than 1/16 of lamp and footprint can be missed
 # unless a neighbour sees it.
 PILOT_RAYS = 16
-MOST_RAYS = 4096
+# Most of one lamp and point: right beside a lamp, where light varies a hundredfold in a lumel, 4,096 left pandora's
+# brightest lumels 3 % off.
+MOST_RAYS = 16384
 # Error of n quasi-random rays over sd * n^-QMC_RATE, from penumbrae of the Cornell box (METHODS: 16 / 64 / 256 rays).
 QMC_RATE = 0.75
 # Rays over those before where none of these was above both horizons, though part of the lamp is.
 LOST_FACTOR = 16
-# Places of a footprint at which the closed form is asked for: at first, and where it varies between those, as beside
-# a lamp's edge. Of many lamps, none of which matters much alone, fewer are enough.
-CLOSED_SAMPLES, MORE_CLOSED = 16, 256
-CLOSED_SAMPLES_OF_MANY = 4
+# Places of a footprint at which the closed form is asked for at first; where it varies between those, as beside a lamp's
+# edge, more follow. Of many lamps, none of which matters much alone, fewer are enough.
+CLOSED_SAMPLES, CLOSED_SAMPLES_OF_MANY = 16, 4
+# Those that follow are this many times (standard deviation / wanted error)^(1 / (.5 + QMC_RATE)), which gives all
+# footprints together the least mean square error for the time. To hold each to the wanted error, a few right beside
+# lamps took most of it.
+CLOSED_MORE = 8
 # Which dimensions of the point set serve footprint x, y and lamp u, v: in the natural order a shadow edge along both
 # x and u resonates (RMS .028 of the visible part at 1,024 rays, against .0055 in this one).
 COLUMNS = (3, 0, 2, 1)
@@ -153,29 +158,32 @@ class DirectLight:
         if not len(looks):
             return
         # What is alike is worked on together: the same bank, number of rays, and with a closed form or without.
-        order, _ = _runs((self._bank[looks.lamp] << 16 | looks.rays) * 2 + looks.closed)
-        looks = looks.take(order)
-        sums = self._sums(looks, places, np.zeros(len(looks), np.int64), looks.rays, looks.closed, wish.closed, run)
+        none = np.zeros(len(looks), np.int64)
+        looks = looks.take(_runs(self._kinds(looks, none, looks.rays, looks.closed))[0])
+        sums = self._sums(looks, places, none, looks.rays, np.where(looks.closed, wish.closed, 0), run)
         value, spread = ratio(sums, looks.rays)
         varied = sums.varied * self._brightness[looks.lamp] * looks.factor
         if every_varied is not None:
             every_varied += np.bincount(looks.rows, varied, len(total))
         # A lamp of which the rays met only what lies below the horizon gives something all the same.
         wanted = np.where((sums.tried == 0) & (sums.closed > 0), LOST_FACTOR * looks.rays, 0.0)
-        ask = np.zeros(len(looks), bool)
+        asked = np.zeros(len(looks))
         if wish.tolerance > 0:
             doubt = self._doubt(looks, sums, len(total), neighbours)
             sigma = np.where(doubt, np.maximum(spread, sums.level * 0.25), 0) * (
                 self._brightness[looks.lamp] * looks.factor)
             wanted = np.maximum(wanted, np.where(sigma > 0, (sigma / wish.tolerance) ** (1 / QMC_RATE), 0))
-            ask = varied > wish.tolerance * sums.places**QMC_RATE
-            wanted = np.where(ask, np.maximum(wanted, (varied / wish.tolerance) ** (1 / QMC_RATE)), wanted)
-        some, count = _more(looks.rays, np.minimum(wanted, MOST_RAYS))
+            asked = CLOSED_MORE * (varied / wish.tolerance) ** (1 / (0.5 + QMC_RATE))
+            asked[varied <= wish.tolerance * sums.places**QMC_RATE] = 0
+            wanted = np.maximum(wanted, asked)
+        some = np.flatnonzero(wanted > looks.rays)
         if len(some):
-            order, _ = _runs((self._bank[looks.lamp[some]] << 32 | count << 16 | looks.rays[some]) * 2 + ask[some])
-            some, count = some[order], count[order]
             start = looks.rays[some]
-            added = self._sums(looks.take(some), places, start, count - start, ask[some], MORE_CLOSED, run)
+            more, places_more = (_grown(start, np.minimum(goal[some], MOST_RAYS)) - start for goal in (wanted, asked))
+            order, _ = _runs(self._kinds(looks.take(some), start, more, places_more))
+            some, start, more, places_more = some[order], start[order], more[order], places_more[order]
+            count = start + more
+            added = self._sums(looks.take(some), places, start, more, places_more, run)
             value[some] = ratio(sums.take(some).plus(added), count)[0]
         value = value * looks.factor
         for channel in range(3):
@@ -207,22 +215,28 @@ class DirectLight:
                                     neighbours)
         return doubt
 
-    def _sums(self, looks: Looks, places: Footprints, start: Int, count: Int, ask: NDArray[np.bool_],
-              closed: int, run: Run) -> ShadowSums:
-        """Sums over shadow rays start ... start + count - 1 of the point set, and where `ask` (n,) the closed form at
-        the first `closed` places, for looks in which those that are alike stand together."""
+    def _kinds(self, looks: Looks, start: Int, count: Int, asked: Int) -> Int:
+        """(n,) a number that is the same for looks that can be worked on together."""
+        kind = self._bank[looks.lamp].astype(np.int64)
+        for number in (count, start, asked):
+            kind = kind << 16 | number
+        return kind
+
+    def _sums(self, looks: Looks, places: Footprints, start: Int, count: Int, asked: Int, run: Run) -> ShadowSums:
+        """Sums over shadow rays start ... start + count - 1 of the point set, and the closed form at the first `asked` of
+        their places, for looks in which those that are alike stand together."""
         def work(part: slice) -> ShadowSums:
             first = part.start
             return self._rays(looks.lamp[part], places, looks.rows[part], int(start[first]), int(count[first]),
-                              closed if ask[first] else 0, run)
+                              int(asked[first]), run)
 
-        kinds = ((self._bank[looks.lamp] << 16 | count) << 16 | start) * 2 + ask
+        kinds = self._kinds(looks, start, count, asked)
         edges = np.append(np.append(0, np.flatnonzero(np.diff(kinds)) + 1), len(kinds))
         runs = [slice(first, last) for first, last in zip(edges[:-1], edges[1:], strict=True)]
         jobs = [part for alike in runs for part in _pieces([alike], max(1, CHUNK_RAYS // int(count[alike.start])))]
         return ShadowSums.concatenate(run.map(work, jobs))
 
-    def _rays(self, lamp: Int, places: Footprints, rows: Int, start: int, count: int, closed: int,
+    def _rays(self, lamp: Int, places: Footprints, rows: Int, start: int, count: int, asked: int,
               run: Run) -> ShadowSums:
         set_of_points = kronecker(count, 4, start)
         move = shifts(places.identity[rows] * np.int64(1_000_003) + lamp, 4, self.seed + 7919)
@@ -231,7 +245,7 @@ class DirectLight:
         uv = np.stack([u.reshape(-1), v.reshape(-1)], axis=-1)
         weight, seen = self._shadow(np.repeat(lamp, count), points, normals, uv, run)
         weight, seen = weight.reshape(-1, count), seen.reshape(-1, count)
-        asked = min(count, closed)
+        asked = min(count, asked)
         form, varied = self._closed(lamp, points, normals, count, asked)
         return ShadowSums(weight.sum(1), seen.sum(1), (weight > 0).sum(1), (seen > 0).sum(1), form, varied,
                           np.where(np.isnan(form), 0, asked))
@@ -274,8 +288,7 @@ def _pieces(runs: list[slice], size: int) -> list[slice]:
             for part in shares(run.stop - run.start, size, max(1, size // LEAST_PART))]
 
 
-def _more(rays: Int, wanted: Float) -> tuple[Int, Int]:
-    """Which want more rays than they have, and how many they get: 4, 16, 64 ... times as many."""
-    some = np.flatnonzero(wanted > rays)
-    power = np.ceil(np.log(wanted[some] / rays[some]) / np.log(4.0)).astype(np.int64)
-    return some, rays[some] * 4 ** np.maximum(power, 1)
+def _grown(rays: Int, wanted: Float) -> Int:
+    """The rays (n,), or 4, 16, 64 ... times as many where more are wanted."""
+    power = np.ceil(np.log(np.maximum(wanted / rays, 1)) / np.log(4.0)).astype(np.int64)
+    return np.asarray(rays * 4**power)

@@ -84,7 +84,7 @@ def plan(error: float, distance: float, bounced: float, receivers: int) -> Plan:
         row_rays=(int(2**20 * finer), int(np.clip(48 * finer, 32, 128))),
         gather_rays=gather,
         gather_error=0.7 * error,
-        direct_error=0.3 * error,
+        direct_error=0.2 * error,
         patch_error=0.3 * error,
     )
 

@@ -43,6 +43,10 @@ MOST_WAVES = 8
 AGAIN = 16
 # Rays that a patch's whole area counts for, beside those of the receivers that met it.
 AREA_RAYS = 0.1
+# A row has up to 2^MORE times the usual rays where receivers see much of its patch, and 2^LESS times where little.
+MORE, LESS = 3, -1
+# Reflections over which importance is followed back from the receivers.
+REFLECTIONS = 5
 
 
 class Transport:
@@ -54,7 +58,8 @@ class Transport:
     irradiance : (patches, 3) float32, indirect irradiance H of each patch with the sky's in it; nan where unsolved.
     apart : (groups, patches, 3) float32, the same of each light group, after `solve_apart`.
     rows, late_rows : form factors of the patches that were solved, and of those that were met afterwards.
-    importance : (some of the first cells,) how many rays of the receivers met each.
+    importance : (some of the first cells,) how many rays of the receivers met each; from the first `retrace` on, over
+        other surfaces too.
     keeper : takes down the ways of gather rays, if given.
     """
 
@@ -237,10 +242,43 @@ class Transport:
         row = place[self.cell_patch[order]]
         area = self.cells.area(self.cells.side[order], of_each=True).astype(np.float64)
         counts = AREA_RAYS * area / np.maximum(np.bincount(row, area, len(patches)), 1e-30)[row]
-        known = order < len(self.importance)
-        counts[known] += self.importance[order[known]]
+        counts += self._importance()[order]
         begins = np.searchsorted(row, np.arange(len(patches) + 1))
         return order, np.concatenate([[0.0], np.cumsum(counts)]), begins
+
+    def _importance(self) -> Float:
+        """(cells,) `importance` of all cells."""
+        return np.pad(self.importance, (0, len(self.cells) - len(self.importance)))
+
+    def _passed_on(self, importance: Float) -> Float:
+        """(patches,) how much of the importance of its cells (cells,) a patch has for what it sees: its reflected part."""
+        return np.bincount(self.cell_patch, importance * self.cell_reflectance.mean(axis=1), len(self.patches))
+
+    def _follow_importance(self) -> None:
+        """Count how often receivers meet cells over other surfaces, too, as the rows found it.
+
+        The mean light of the receivers is then right to first order though each patch has one light for whoever sees
+        it: errors inside a patch add up to nothing where they are weighted by the whole adjoint solution.
+        """
+        wave = self._importance()
+        total = wave.copy()
+        for _ in range(REFLECTIONS):
+            passed_on, wave = self._passed_on(wave), np.zeros(len(total))
+            for rows in self.rows:
+                rays = rows.hits.shape[1]
+                each = np.repeat(passed_on[rows.patch] / rays, rays)
+                # NOTHING is the last entry.
+                wave += np.bincount(rows.hits.reshape(-1) % (len(wave) + 1), each, len(wave) + 1)[:-1]
+            total += wave
+        self.importance = total
+
+    def _allotted(self, patches: NDArray[np.int32], rays: int) -> list[tuple[NDArray[np.int32], int]]:
+        """Patches by the number of rays of their rows: more for those that matter more, in powers of two."""
+        matters = self._passed_on(self._importance())
+        usual = matters.sum() / max(np.count_nonzero(matters), 1)
+        level = np.log2(np.maximum(matters[patches], 1e-30) / max(usual, 1e-30))
+        level = np.clip(np.round(level), LESS, MORE)
+        return [(patches[level == one], max(1, int(rays * 2.0**one))) for one in np.unique(level)]
 
     def _row_rays(self, patches: NDArray[np.int32], rays: int, order: Int, running: Float, begins: Int,
                   part: slice) -> tuple[NDArray[np.int64], Float, NDArray[np.uint8], Seen]:
@@ -270,7 +308,10 @@ class Transport:
 
     # --- solve ---------------------------------------------------------------------------------------------------
     def discover(self, rays: int) -> None:
-        """Trace the rows of all patches that have none, then of those that they met, and so on until none is new."""
+        """Trace the rows of all patches that have none, then of those that they met, and so on until none is new.
+
+        `rays` is what a row of usual importance has: the errors of those that receivers see most of are seen most.
+        """
         for wave in range(MOST_WAVES):
             wanted = np.zeros(len(self.patches), bool)
             wanted[self.cell_patch] = True
@@ -278,7 +319,8 @@ class Transport:
                 wanted[rows.patch] = False
             if not wanted.any():
                 break
-            self.rows += self.trace_rows(np.flatnonzero(wanted).astype(np.int32), rays)
+            for patches, count in self._allotted(np.flatnonzero(wanted).astype(np.int32), rays):
+                self.rows += self.trace_rows(patches, count)
             self.run.report((wave + 1) / MOST_WAVES)
 
     def refine(self, tolerance: float, weight: Float) -> int:
@@ -325,7 +367,8 @@ class Transport:
         return float(np.sqrt(variance)) * whole / max(first, 1e-30)
 
     def retrace(self, rays: int) -> None:
-        """Trace all rows anew."""
+        """Trace all rows anew, with what the old ones told of the patches' importance."""
+        self._follow_importance()
         self.rows = []
         self.discover(rays)
 

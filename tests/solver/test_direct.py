@@ -9,10 +9,13 @@ from radiosity.solver.direct import DirectLight
 from radiosity.solver.footprints import ReceiverFootprints
 from radiosity.solver.geometry import Geometry
 from radiosity.solver.lamps import Point
+from radiosity.solver.lumels import lumels
 from radiosity.solver.mesh_emitter import MeshEmitter
+from radiosity.solver.neighbours import Neighbours
 from radiosity.solver.parallel import Run
 from radiosity.solver.polygon import polygon_form_factor
 from radiosity.solver.probes import probes
+from radiosity.solver.settings import Settings
 from radiosity.tests.solver.rooms import quad
 
 # P-27: a source over [-1, 1]^2 at z = 2, an opaque half-plane x < 0 at z = 1, receivers (x, 0, 0) facing up.
@@ -135,6 +138,30 @@ def test_many_lamps_drawn_by_chance_give_the_sum_of_all_on_the_average():
     allowed = 4 * float(found.std()) / len(found) ** 0.5 + 1e-4 * exact
     assert found.mean() == pytest.approx(exact, abs=allowed)
     assert sum(run.rays.values()) < 0.7 * 40 * 4000 * 16
+
+
+def test_lumels_right_beside_lamps_are_the_mean_of_all_their_light():
+    # Five lamps of 20 cm hang 4 cm over a floor of 12 cm lumels: light falls by a hundredth within one. Exact answer:
+    # the form factor's mean over each lumel's middle half (48 x 48 points); lumels on the floor's diagonal, which two
+    # triangles share, are left out. Wanted: .4 % of the mean a lumel, of each of five lamps.
+    middles = [(0.93, 1.07), (2.41, 0.83), (3.1, 2.2), (1.3, 2.7), (2.2, 3.3)]
+    lamps = tuple(Area(f"lamp {x}", (x, y, 0.04), (0, 0.2, 0), (0.2, 0, 0), (0.04,) * 3) for x, y in middles)
+    scene = quad((0, 0, 0), (4, 0, 0), (0, 4, 0)).scene()
+    found = lumels(scene, Settings(resolution=32), [], Run(1).step, None)
+    geometry = Geometry(scene)
+    places = ReceiverFootprints(geometry, found.receivers, 0.5, 0)
+    inside = (np.arange(48, dtype=np.float32) + 0.5) / 48
+    x, y = (np.tile(axis.reshape(-1), len(found)) for axis in np.meshgrid(inside, inside))
+    points, normals = (each.astype(float) for each in places.sample(np.repeat(np.arange(len(found)), 48**2), x, y))
+    corners = np.array([[-0.1, -0.1, 0.04], [-0.1, 0.1, 0.04], [0.1, 0.1, 0.04], [0.1, -0.1, 0.04]])
+    exact = sum(polygon_form_factor(points + scene.origin, normals, corners + (*middle, 0)) for middle in middles)
+    exact = exact.reshape(len(found), -1).mean(axis=1)
+    direct = DirectLight(geometry, tuple(lamp.translated(-scene.origin) for lamp in lamps), 0)
+    light = direct.irradiance(places, Run(2), 0.004 * exact.mean(), neighbours=Neighbours(found).at(1))[:, 0]
+    place = found.receivers.position + scene.origin
+    apart = np.abs(place[:, 0] - place[:, 1]) > 0.1
+    assert exact.max() > 50 * exact.mean()
+    assert np.sqrt(np.mean((light - exact)[apart] ** 2)) < 0.01 * exact.mean()
 
 
 def test_no_lamp_gives_no_light():
