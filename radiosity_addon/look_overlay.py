@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import Any
 
@@ -11,6 +12,9 @@ import numpy as np
 from .job import Job
 from .look import Look
 
+# One point, of no light.
+NOTHING = Look("", np.zeros((1, 3, 3), np.float32), np.zeros((1, 3, 2), np.float32), np.full(1, -1, np.int32),
+               np.zeros((1, 3, 3), np.float32), np.zeros((1, 3), np.float32), ())
 # How far the light lies before its surfaces, as part of the depth buffer's range.
 NEARER = 2e-5
 
@@ -63,26 +67,36 @@ def detach() -> None:
 
 
 def _draw() -> None:
-    import gpu
-
     job, context = Job.current, bpy.context
     if job is None or job.scene_name != context.scene.name:
         _drawn.clear()
         return
-    # Made while the scene is still read, so that the first look has not to wait for it.
-    shader, look = _made(), job.look
+    if not _shader:
+        # Made while the scene is still read, so that the first look has not to wait for it; drivers translate a shader
+        # when it first draws, if only a point.
+        _shader.append(_made())
+        _show(_parts(NOTHING, _shader[0]), context)
+    look = job.look
     if look is None:
         _drawn.clear()
         return
     if not _drawn or _drawn[0].look is not look:
-        _drawn[:] = [_Drawn(look, tuple(_parts(look, shader)))]
+        _drawn[:] = [_Drawn(look, tuple(_parts(look, _shader[0])))]
+    _show(_drawn[0].parts, context)
+
+
+def _show(parts: Iterable[tuple[Any, Any]], context: Any) -> None:
+    """Draw textures and batches into the region of a 3D viewport."""
+    import gpu
+
     gpu.state.depth_test_set("LESS_EQUAL")
     gpu.state.depth_mask_set(True)
+    shader = _shader[0]
     shader.bind()
     shader.uniform_float("view_projection", context.region_data.perspective_matrix)
     shader.uniform_float("nearer", NEARER)
     shader.uniform_float("exposure", 2.0**context.scene.view_settings.exposure)
-    for texture, batch in _drawn[0].parts:
+    for texture, batch in parts:
         shader.uniform_sampler("page", texture)
         batch.draw(shader)
     gpu.state.depth_mask_set(False)
@@ -123,22 +137,20 @@ def _made() -> Any:
     """The shader."""
     import gpu
 
-    if not _shader:
-        between = gpu.types.GPUStageInterfaceInfo("radiosity_look")
-        between.smooth("VEC2", "uv_inside")
-        between.smooth("VEC3", "colour_inside")
-        between.smooth("VEC3", "glow_inside")
-        info = gpu.types.GPUShaderCreateInfo()
-        info.push_constant("MAT4", "view_projection")
-        info.push_constant("FLOAT", "nearer")
-        info.push_constant("FLOAT", "exposure")
-        info.sampler(0, "FLOAT_2D", "page")
-        for slot, (kind, name) in enumerate((("VEC3", "position"), ("VEC2", "uv"), ("VEC3", "colour"),
-                                             ("VEC3", "glow"))):
-            info.vertex_in(slot, kind, name)
-        info.vertex_out(between)
-        info.fragment_out(0, "VEC4", "shown")
-        info.vertex_source(VERTEX)
-        info.fragment_source(FRAGMENT)
-        _shader.append(gpu.shader.create_from_info(info))
-    return _shader[0]
+    between = gpu.types.GPUStageInterfaceInfo("radiosity_look")
+    between.smooth("VEC2", "uv_inside")
+    between.smooth("VEC3", "colour_inside")
+    between.smooth("VEC3", "glow_inside")
+    info = gpu.types.GPUShaderCreateInfo()
+    info.push_constant("MAT4", "view_projection")
+    info.push_constant("FLOAT", "nearer")
+    info.push_constant("FLOAT", "exposure")
+    info.sampler(0, "FLOAT_2D", "page")
+    for slot, (kind, name) in enumerate((("VEC3", "position"), ("VEC2", "uv"), ("VEC3", "colour"),
+                                         ("VEC3", "glow"))):
+        info.vertex_in(slot, kind, name)
+    info.vertex_out(between)
+    info.fragment_out(0, "VEC4", "shown")
+    info.vertex_source(VERTEX)
+    info.fragment_source(FRAGMENT)
+    return gpu.shader.create_from_info(info)
