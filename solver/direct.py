@@ -50,8 +50,8 @@ MOST_RAYS = 16384
 QMC_RATE = 0.75
 # Rays over those before where none of these was above both horizons, though part of the lamp is.
 LOST_FACTOR = 16
-# Places of a footprint at which the closed form is asked for at first; where it varies between those, as beside a lamp's
-# edge, more follow. Of many lamps, none of which matters much alone, fewer are enough.
+# Places of a footprint at which the closed form is asked for at first; where it varies between those, as beside a
+# lamp's edge, more follow. Of many lamps, none of which matters much alone, fewer are enough.
 CLOSED_SAMPLES, CLOSED_SAMPLES_OF_MANY = 16, 4
 # Those that follow are this many times (standard deviation / wanted error)^(1 / (.5 + QMC_RATE)), which gives all
 # footprints together the least mean square error for the time. To hold each to the wanted error, a few right beside
@@ -159,7 +159,8 @@ class DirectLight:
             return
         # What is alike is worked on together: the same bank, number of rays, and with a closed form or without.
         none = np.zeros(len(looks), np.int64)
-        looks = looks.take(_runs(self._kinds(looks, none, looks.rays, looks.closed))[0])
+        order, _ = _runs(self._kinds(looks, none, looks.rays, looks.closed.astype(np.int64)))
+        looks = looks.take(order)
         sums = self._sums(looks, places, none, looks.rays, np.where(looks.closed, wish.closed, 0), run)
         value, spread = ratio(sums, looks.rays)
         varied = sums.varied * self._brightness[looks.lamp] * looks.factor
@@ -223,8 +224,8 @@ class DirectLight:
         return kind
 
     def _sums(self, looks: Looks, places: Footprints, start: Int, count: Int, asked: Int, run: Run) -> ShadowSums:
-        """Sums over shadow rays start ... start + count - 1 of the point set, and the closed form at the first `asked` of
-        their places, for looks in which those that are alike stand together."""
+        """Sums over shadow rays start ... start + count - 1 of the point set, and the closed form at the first `asked`
+        of their places, for looks in which those that are alike stand together."""
         def work(part: slice) -> ShadowSums:
             first = part.start
             return self._rays(looks.lamp[part], places, looks.rows[part], int(start[first]), int(count[first]),

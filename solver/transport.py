@@ -251,8 +251,9 @@ class Transport:
         return np.pad(self.importance, (0, len(self.cells) - len(self.importance)))
 
     def _passed_on(self, importance: Float) -> Float:
-        """(patches,) how much of the importance of its cells (cells,) a patch has for what it sees: its reflected part."""
-        return np.bincount(self.cell_patch, importance * self.cell_reflectance.mean(axis=1), len(self.patches))
+        """(patches,) how much of the importance of its cells (cells,) a patch passes on: its reflected part."""
+        reflected = importance * self.cell_reflectance.mean(axis=1)
+        return np.asarray(np.bincount(self.cell_patch, reflected, len(self.patches)), np.float64)
 
     def _follow_importance(self) -> None:
         """Count how often receivers meet cells over other surfaces, too, as the rows found it.

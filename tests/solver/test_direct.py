@@ -154,7 +154,8 @@ def test_lumels_right_beside_lamps_are_the_mean_of_all_their_light():
     x, y = (np.tile(axis.reshape(-1), len(found)) for axis in np.meshgrid(inside, inside))
     points, normals = (each.astype(float) for each in places.sample(np.repeat(np.arange(len(found)), 48**2), x, y))
     corners = np.array([[-0.1, -0.1, 0.04], [-0.1, 0.1, 0.04], [0.1, 0.1, 0.04], [0.1, -0.1, 0.04]])
-    exact = sum(polygon_form_factor(points + scene.origin, normals, corners + (*middle, 0)) for middle in middles)
+    shifts = np.pad(np.array(middles), ((0, 0), (0, 1)))
+    exact = sum(polygon_form_factor(points + scene.origin, normals, corners + shift) for shift in shifts)
     exact = exact.reshape(len(found), -1).mean(axis=1)
     direct = DirectLight(geometry, tuple(lamp.translated(-scene.origin) for lamp in lamps), 0)
     light = direct.irradiance(places, Run(2), 0.004 * exact.mean(), neighbours=Neighbours(found).at(1))[:, 0]

@@ -42,8 +42,8 @@ def _met(reflectance):
 
 @pytest.mark.parametrize("reflectance", [0.0, 0.5, 0.8])
 def test_in_a_closed_room_importance_adds_up_to_a_geometric_series(reflectance):
-    # Every ray meets a wall, and each wall passes on rho of what it matters: 1 + rho + rho^2 ... as often as reflections
-    # are followed, however the rays fell.
+    # Every ray meets a wall, and each wall passes on rho of what it matters: 1 + rho + rho^2 ... as often as
+    # reflections are followed, however the rays fell.
     transport = _met(reflectance)
     first = transport.importance.sum()
     transport.discover(RAYS)
