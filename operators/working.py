@@ -5,6 +5,7 @@ from __future__ import annotations
 import time
 from typing import Any
 
+from ..radiosity_addon import look_overlay
 from ..radiosity_addon.job import Job
 from ..radiosity_addon.look import Look
 from ..radiosity_addon.parts import Parts, some
@@ -61,7 +62,7 @@ class Working:
     def _tick(self, context: Any) -> Any:
         """One step of the work that is Blender's thread's; what came of the job, at its end."""
         self._tell_progress(context)
-        if self._job.look is not self._look:
+        if look_overlay.prepare(self._job.look) or self._job.look is not self._look:
             self._look = self._job.look
             redraw_views(context)
             return None  # the view first

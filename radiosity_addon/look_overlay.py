@@ -76,13 +76,21 @@ def _draw() -> None:
         # when it first draws, if only a point.
         _shader.append(_made())
         _show(_parts(NOTHING, _shader[0]), context)
-    look = job.look
-    if look is None:
+    if job.look is None:
         _drawn.clear()
-        return
-    if not _drawn or _drawn[0].look is not look:
-        _drawn[:] = [_Drawn(look, tuple(_parts(look, _shader[0])))]
-    _show(_drawn[0].parts, context)
+    elif _drawn:
+        _show(_drawn[0].parts, context)
+
+
+def prepare(look: Look | None) -> bool:
+    """Make what draws a look, apart from drawing it, so that neither keeps a window for long; whether it is new.
+
+    Before a viewport was drawn once there is no shader, and nothing is made.
+    """
+    if look is None or not _shader or (_drawn and _drawn[0].look is look):
+        return False
+    _drawn[:] = [_Drawn(look, tuple(_parts(look, _shader[0])))]
+    return True
 
 
 def _show(parts: Iterable[tuple[Any, Any]], context: Any) -> None:
