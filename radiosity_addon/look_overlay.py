@@ -68,8 +68,11 @@ def detach() -> None:
 
 def _draw() -> None:
     job, context = Job.current, bpy.context
-    if job is None or job.scene_name != context.scene.name:
+    if job is None:
         _drawn.clear()
+        return
+    # Another window may show another scene: what is drawn stays for those that show this one.
+    if job.scene_name != context.scene.name:
         return
     if not _shader:
         # Made while the scene is still read, so that the first look has not to wait for it; drivers translate a shader

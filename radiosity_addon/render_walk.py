@@ -2,7 +2,7 @@
 
 Blender hands a render's view of the scene out for one call only, so each part asks for it anew, and goes on where the
 last one ended. To ask takes as long as the scene's modifiers do, and lets all viewports draw the scene from its start:
-a part lasts for a good part of it at least. What the viewport shows is there already.
+a part goes on for half as long again at least. What the viewport shows is there already.
 """
 
 from __future__ import annotations

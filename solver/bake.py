@@ -139,7 +139,7 @@ class _Work:
             self.fans = Fans(places)
             some = np.arange(0, len(places), step)
             self.seen = Gather(transport).meet(self.fans, Look(some, PILOT_RAYS, 0, seed + 1), self.run)
-            transport.importance = np.bincount(self.seen[self.seen >= 0], minlength=len(cells)).astype(np.float64)
+            transport.starts.see(self.seen)
             transport.meet_whole(cells.companions(COMPLETE_CELLS))
         rays = self.plan.rays_of_row(len(transport.patches))
         with self.stages("form factors"):

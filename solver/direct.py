@@ -43,8 +43,7 @@ LEAST_PART = 16
 # Shadow rays of the pilot for one lamp and point; an occluder of less than 1/16 of lamp and footprint can be missed
 # unless a neighbour sees it.
 PILOT_RAYS = 16
-# Most of one lamp and point: right beside a lamp, where light varies a hundredfold in a lumel, 4,096 left pandora's
-# brightest lumels 3 % off.
+# Most of one lamp and point, for lumels right beside a lamp: light may vary a hundredfold in one.
 MOST_RAYS = 16384
 # Error of n quasi-random rays over sd * n^-QMC_RATE, from penumbrae of the Cornell box (METHODS: 16 / 64 / 256 rays).
 QMC_RATE = 0.75

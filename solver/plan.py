@@ -14,7 +14,7 @@ SMALLEST_PATCH_SHARE = 0.02
 USUAL_SHARE = 0.5
 LEAST_SHARE = 0.02
 
-# Most rays of a row.
+# Most rays of a usual row (`row_starts.py` gives some more, others fewer).
 MOST_ROW_RAYS = 1024
 
 # Most rays of all receivers in the pilot.
@@ -54,8 +54,8 @@ class Plan:
         return float(np.sqrt(gather**2 + (self.direct_error**2 + self.patch_error**2) / 4))
 
     def rays_of_row(self, patches: int) -> int:
-        """Rays of each row of so many patches: light comes from many patches, and their rows' errors are independent,
-        so that few rays a row are enough where there are many rows."""
+        """Rays of a usual row of so many patches: light comes from many patches, and their rows' errors are
+        independent, so that few rays a row are enough where there are many rows."""
         everything, least = self.row_rays
         return int(np.clip(everything / max(patches, 1), least, max(least, MOST_ROW_RAYS)))
 

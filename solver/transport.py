@@ -22,6 +22,7 @@ from .met import Met
 from .met_cells import MetCells
 from .parallel import Run, shares, slices
 from .patches import Patches
+from .row_starts import RowStarts
 from .row_system import solve_rows
 from .rows import Rows
 from .sampling import cosine_directions, kronecker, shifted, shifts
@@ -41,12 +42,6 @@ LEAST_RAYS = 2**13
 MOST_WAVES = 8
 # A cell's light is asked for anew where this many rays meet it for each point at which it was.
 AGAIN = 16
-# Rays that a patch's whole area counts for, beside those of the receivers that met it.
-AREA_RAYS = 0.1
-# A row has up to 2^MORE times the usual rays where receivers see much of its patch, and 2^LESS times where little.
-MORE, LESS = 3, -1
-# Reflections over which importance is followed back from the receivers.
-REFLECTIONS = 5
 
 
 class Transport:
@@ -58,8 +53,7 @@ class Transport:
     irradiance : (patches, 3) float32, indirect irradiance H of each patch with the sky's in it; nan where unsolved.
     apart : (groups, patches, 3) float32, the same of each light group, after `solve_apart`.
     rows, late_rows : form factors of the patches that were solved, and of those that were met afterwards.
-    importance : (some of the first cells,) how many rays of the receivers met each; from the first `retrace` on, over
-        other surfaces too.
+    starts : where rows start, and how many rays they have.
     keeper : takes down the ways of gather rays, if given.
     """
 
@@ -80,7 +74,7 @@ class Transport:
         self.apart = np.empty((0 if self.split is None else len(self.split), 0, 3), np.float32)
         self.rows: list[Rows] = []
         self.late_rows: list[Rows] = []
-        self.importance = np.zeros(0)
+        self.starts = RowStarts(cells, patches, self.met, self._cell_patch)
         self.keeper: PathKeeper | None = None
         # Patches below `_solved` were there at the last solve; `_unsolved` of them have cells and no row.
         self._solved, self._unsolved = 0, np.empty(0, np.int64)
@@ -218,7 +212,7 @@ class Transport:
         traced = []
         for part in slices(len(patches), max(1, 2**22 // rays)):
             these = patches[part]
-            start = partial(self._row_rays, these, rays, *self._members(these))
+            start = partial(self._row_rays, these, rays, *self.starts.members(these))
             pieces = self.run.map(start, shares(len(these), max(1, CHUNK_RAYS // rays), LEAST_RAYS // rays))
             sides = np.concatenate([piece[0] for piece in pieces])
             self.meet([piece[3] for piece in pieces])
@@ -226,60 +220,6 @@ class Transport:
             sky = None if self.geometry.scene.sky.is_black else np.concatenate([piece[1] for piece in pieces])
             traced.append(Rows(these, hits, np.concatenate([piece[2] for piece in pieces]), sky))
         return traced
-
-    def _members(self, patches: NDArray[np.int32]) -> tuple[Int, Float, Int]:
-        """Met cells of some patches in the patches' order, the running sum of what they count, and where each begins.
-
-        What receivers see of a patch may be another part of it than most of its area: of a curtain rather the side
-        towards the room than the one towards the pane. A patch has one light, and it has to be that of the part that is
-        seen, or all that is seen of it errs the same way (importance: Smits, Arvo & Salesin 1992).
-        """
-        place = np.full(len(self.patches), -1, np.int32)
-        place[patches] = np.arange(len(patches))
-        cells = np.flatnonzero(place[self.cell_patch] >= 0)
-        # Neighbours on a triangle stand together, so that points spread over the sum are spread over the patch.
-        order = cells[np.lexsort((self.cells.side[cells], place[self.cell_patch[cells]]))]
-        row = place[self.cell_patch[order]]
-        area = self.cells.area(self.cells.side[order], of_each=True).astype(np.float64)
-        counts = AREA_RAYS * area / np.maximum(np.bincount(row, area, len(patches)), 1e-30)[row]
-        counts += self._importance()[order]
-        begins = np.searchsorted(row, np.arange(len(patches) + 1))
-        return order, np.concatenate([[0.0], np.cumsum(counts)]), begins
-
-    def _importance(self) -> Float:
-        """(cells,) `importance` of all cells."""
-        return np.pad(self.importance, (0, len(self.cells) - len(self.importance)))
-
-    def _passed_on(self, importance: Float) -> Float:
-        """(patches,) how much of the importance of its cells (cells,) a patch passes on: its reflected part."""
-        reflected = importance * self.cell_reflectance.mean(axis=1)
-        return np.asarray(np.bincount(self.cell_patch, reflected, len(self.patches)), np.float64)
-
-    def _follow_importance(self) -> None:
-        """Count how often receivers meet cells over other surfaces, too, as the rows found it.
-
-        The mean light of the receivers is then right to first order though each patch has one light for whoever sees
-        it: errors inside a patch add up to nothing where they are weighted by the whole adjoint solution.
-        """
-        wave = self._importance()
-        total = wave.copy()
-        for _ in range(REFLECTIONS):
-            passed_on, wave = self._passed_on(wave), np.zeros(len(total))
-            for rows in self.rows:
-                rays = rows.hits.shape[1]
-                each = np.repeat(passed_on[rows.patch] / rays, rays)
-                # NOTHING is the last entry.
-                wave += np.bincount(rows.hits.reshape(-1) % (len(wave) + 1), each, len(wave) + 1)[:-1]
-            total += wave
-        self.importance = total
-
-    def _allotted(self, patches: NDArray[np.int32], rays: int) -> list[tuple[NDArray[np.int32], int]]:
-        """Patches by the number of rays of their rows: more for those that matter more, in powers of two."""
-        matters = self._passed_on(self._importance())
-        usual = matters.sum() / max(np.count_nonzero(matters), 1)
-        level = np.log2(np.maximum(matters[patches], 1e-30) / max(usual, 1e-30))
-        level = np.clip(np.round(level), LESS, MORE)
-        return [(patches[level == one], max(1, int(rays * 2.0**one))) for one in np.unique(level)]
 
     def _row_rays(self, patches: NDArray[np.int32], rays: int, order: Int, running: Float, begins: Int,
                   part: slice) -> tuple[NDArray[np.int64], Float, NDArray[np.uint8], Seen]:
@@ -320,7 +260,7 @@ class Transport:
                 wanted[rows.patch] = False
             if not wanted.any():
                 break
-            for patches, count in self._allotted(np.flatnonzero(wanted).astype(np.int32), rays):
+            for patches, count in self.starts.allotted(np.flatnonzero(wanted).astype(np.int32), rays):
                 self.rows += self.trace_rows(patches, count)
             self.run.report((wave + 1) / MOST_WAVES)
 
@@ -369,7 +309,7 @@ class Transport:
 
     def retrace(self, rays: int) -> None:
         """Trace all rows anew, with what the old ones told of the patches' importance."""
-        self._follow_importance()
+        self.starts.follow(self.rows)
         self.rows = []
         self.discover(rays)
 

@@ -14,9 +14,10 @@ from radiosity.solver.lamps import Point
 from radiosity.solver.parallel import Run
 from radiosity.solver.patches import Patches
 from radiosity.solver.probes import free_receivers
+from radiosity.solver.row_starts import LESS, MORE, REFLECTIONS
 from radiosity.solver.shells import Shells
 from radiosity.solver.sources import light_sources
-from radiosity.solver.transport import LESS, MORE, REFLECTIONS, Transport
+from radiosity.solver.transport import Transport
 from radiosity.tests.solver.rooms import box
 
 RAYS = 64
@@ -36,21 +37,22 @@ def _met(reflectance):
     receivers = free_receivers(points, np.tile([0.0, 0.0, 1.0], (50, 1)), np.full(50, -1, np.int32))
     fans = Fans(ReceiverFootprints(geometry, receivers, 0.0, 0))
     seen = Gather(transport).meet(fans, Look(np.arange(50), 64, 0, 1), run)
-    transport.importance = np.bincount(seen[seen >= 0], minlength=len(cells)).astype(float)
+    transport.starts.see(seen)
     return transport
 
 
 @pytest.mark.parametrize("reflectance", [0.0, 0.5, 0.8])
 def test_in_a_closed_room_importance_adds_up_to_a_geometric_series(reflectance):
     # Every ray meets a wall, and each wall passes on rho of what it matters: 1 + rho + rho^2 ... as often as
-    # reflections are followed, however the rays fell.
+    # reflections are followed, however the rays fell; and no more often where rows are traced anew once more.
     transport = _met(reflectance)
-    first = transport.importance.sum()
+    first = transport.starts.matters.sum()
     transport.discover(RAYS)
-    transport.retrace(RAYS)
     series = sum(reflectance**power for power in range(REFLECTIONS + 1))
-    assert transport.importance.sum() / first == pytest.approx(series, rel=1e-6)
-    assert transport.importance.min() >= 0
+    for rays in (RAYS, 2 * RAYS):
+        transport.retrace(rays)
+        assert transport.starts.matters.sum() / first == pytest.approx(series, rel=1e-6)
+        assert transport.starts.matters.min() >= 0
 
 
 def test_rows_of_patches_that_receivers_see_much_of_have_more_rays():
@@ -60,8 +62,8 @@ def test_rows_of_patches_that_receivers_see_much_of_have_more_rays():
     rays = np.zeros(len(transport.patches))
     for rows in transport.rows:
         rays[rows.patch] = rows.hits.shape[1]
-    matters = np.bincount(transport.cell_patch, np.pad(transport.importance, (0, len(transport.cells) -
-                          len(transport.importance))), len(transport.patches))
+    seen = np.pad(transport.starts.straight, (0, len(transport.cells) - len(transport.starts.straight)))
+    matters = np.bincount(transport.cell_patch, seen, len(transport.patches))
     floor = np.unique(transport.cell_patch[transport.met.spots.points[:, 2] < -0.999])
     assert (rays[floor] == RAYS * 2.0**LESS).all()
     assert RAYS < rays[np.argmax(matters)] <= RAYS * 2**MORE
