@@ -64,8 +64,8 @@ class Steps:
         return self.seam / self.inside
 
 
-def baked(path: Path, settings: Settings) -> tuple[Lumels, Scene, list[Float]]:
-    """Layout, scene and dilated images of a .blend, before its seams are stitched."""
+def baked(path: Path, settings: Settings) -> tuple[Lumels, Scene, list[Float], seams.Seams]:
+    """Layout, scene, dilated images of a .blend before its seams are stitched, and what stitches them."""
     import bpy
     from radiosity.radiosity_addon.blend_file import open_blend
     from radiosity.radiosity_addon.export import export_scene
@@ -75,12 +75,12 @@ def baked(path: Path, settings: Settings) -> tuple[Lumels, Scene, list[Float]]:
     open_blend(path)
     exported = export_scene(bpy.context.scene, bpy.context.view_layer, settings, [])
     scene, settings = with_shared_layouts(exported.scene, exported.bindings, exported.settings, [])
-    kept: list[tuple[Lumels, list[Float]]] = []
+    kept: list[tuple[Lumels, list[Float], seams.Seams]] = []
     stitched = module.finished
 
-    def keep(lumels: Lumels, _seams: Any, values: Float, settings: Settings) -> list[Float]:
+    def keep(lumels: Lumels, between: seams.Seams, values: Float, settings: Settings) -> list[Float]:
         images = to_images(lumels, values, settings)
-        kept.append((lumels, images))
+        kept.append((lumels, images, between))
         return images
 
     module.finished = keep
@@ -88,7 +88,8 @@ def baked(path: Path, settings: Settings) -> tuple[Lumels, Scene, list[Float]]:
         module.bake(scene, settings)
     finally:
         module.finished = stitched
-    return kept[0][0], scene, kept[0][1]
+    lumels, images, between = kept[0]
+    return lumels, scene, images, between
 
 
 def pairs_across(lumels: Lumels, taps: seams.Taps) -> Int:
@@ -128,12 +129,10 @@ def steps(lumels: Lumels, images: list[Float], taps: seams.Taps) -> Steps:
 
 def measure(path: Path, settings: Settings) -> bool:
     """Print a scene's row; whether its stitched seams hold."""
-    lumels, scene, images = baked(path, settings)
-    samples = seam_samples(lumels, scene)
-    taps = seams.seam_taps(samples, lumels, scene)
+    lumels, scene, images, between = baked(path, settings)
+    taps = seams.seam_taps(seam_samples(lumels, scene), lumels, scene)
     start = time.perf_counter()
-    flat = np.concatenate([image.reshape(-1, 3) for image in images])
-    stitched = seams.Seams(samples, lumels, scene, flat[seams.texel_of(lumels)]).stitch(images)
+    stitched = between.stitch(images)
     seconds = time.perf_counter() - start
     moved = sum(int((new != old).any(axis=2).sum()) for new, old in zip(stitched, images, strict=True))
     print(f"{path.stem}: {len(lumels)} lumels, {len(taps.texel)} samples of seams, {moved} texels moved in "

@@ -224,6 +224,7 @@ class _Work:
         with self.stages("direct"):
             level = self.lamps + float(gathered.first.mean() + gathered.bounced.mean())
             self.expected = self.plan.expected_error(gathered.error / max(level, 1e-30))
+            self.errors = gathered.errors
             lit = self.direct.apart(places, self.run, level * self.plan.direct_error, PILOT if near else LONE_PILOT,
                                     neighbours=near.at(1) if near else None)
             self.apart = gathered.apart if self.settings.passes == "indirect" else gathered.apart + lit[:, 3:]
@@ -315,7 +316,8 @@ def bake(scene: Scene, settings: Settings, progress: Progress | None = None,
             light = direct + bounced
             seen = ~unseen(work.fans, work.geometry.visibility, light, settings.seed + 13, work.run)
             shown = stand_ins(seen, light, near.in_chart(1), settings.margin)
-            seams = Seams(samples, lumels, scene, values[shown])
+            errors = work.errors / np.maximum(light.mean(axis=1), np.maximum(work.errors, 1e-30))
+            seams = Seams(samples, lumels, scene, values[shown], errors[shown])
             images = finished(lumels, seams, values[shown], settings)
             layers = group_light(work.split, work.apart, settings.quantity, albedo,
                                  lambda part: finished(lumels, seams, part[shown], settings))

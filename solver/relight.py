@@ -135,15 +135,18 @@ def _add_to_lumels(bake: Bake, scene: Scene, settings: Settings, looks: Sequence
         here = lumels.page == number
         change[here] += page.pixels.reshape(-1, 3)[lumels.pixel[here]]
     values = np.maximum(change, 0)
-    return finished(lumels, Seams(samples, lumels, scene, values), values, settings), noise
+    # What was baked agrees across the seams already.
+    size = np.abs(noise).mean(axis=1)
+    errors = size / np.maximum(values.mean(axis=1), np.maximum(size, 1e-30))
+    return finished(lumels, Seams(samples, lumels, scene, values, errors), values, settings), _rms(noise)
 
 
-def _smoothed(looks: Sequence[Float], receivers: Receivers, near: Neighbours, run: Run) -> tuple[Float, float]:
-    """The mean of two looks at a change, smoothed as gathered light is, and its RMS error."""
+def _smoothed(looks: Sequence[Float], receivers: Receivers, near: Neighbours, run: Run) -> tuple[Float, Float]:
+    """The mean of two looks at a change, smoothed as gathered light is, and a sample of its error."""
     nothing = np.zeros_like(looks[0])
     first, second = (np.concatenate([nothing, look], axis=1) for look in looks)
     first, second = smooth(first, second, receivers, near, run)
-    return (first + second)[:, 3:6] / 2, _rms((first - second)[:, 3:6]) / 2
+    return (first + second)[:, 3:6] / 2, (first - second)[:, 3:6] / 2
 
 
 def _add_to_corners(bake: Bake, scene: Scene, settings: Settings, looks: Sequence[Float],

@@ -22,13 +22,14 @@ Int = NDArray[np.integer[Any]]
 
 # Weights of a difference across a seam, of moving a lumel, and of moving a texel of the margin: what fills the margin
 # gives way, what was baked less so.
-SEAM_WEIGHT, LUMEL_WEIGHT, MARGIN_WEIGHT = 4.0, 2.0, 0.1
-# Up to this step, in parts of the light on the seam, a lumel has `LUMEL_WEIGHT`: such steps are noise. Larger ones are
-# what lumels are too coarse for, the edge of a shadow that both charts sample in other places: lumels that are moved
-# there get wrong, so that their weight grows with the square of the step, up to so many times. No one weight for all
-# does both: at 30 the steps in classroom stay 1.29 times those inside charts (1.16 with these, 1.32 unstitched), at 10
-# the error of truck_town's twin goes from .86 to 1.04 per cent (.88 with these).
-SMALL_STEP, STIFFEST = 0.1, 100.0
+SEAM_WEIGHT, LUMEL_WEIGHT, MARGIN_WEIGHT = 4.0, 1.0, 0.1
+# A step of up to this many times the error of the light on both sides may be noise, and a lumel beside it has
+# `LUMEL_WEIGHT`. Larger ones are what lumels are too coarse for, the edge of a shadow that both charts sample in other
+# places: lumels that are moved there get wrong, so that their weight grows with the square of the step, up to so many
+# times. No one step does for all scenes: where a tenth of the light was taken for noise, with lumels twice as heavy,
+# classroom at an error of .1 kept 1.37 times the steps of lumels inside charts (1.10 with these); and with lumels light
+# enough for that, truck_town's twin, which has little noise, came from .73 to .80 per cent.
+NOISY, STIFFEST = 3.0, 100.0
 TOLERANCE, MOST_STEPS = 1e-4, 60
 
 
@@ -56,17 +57,19 @@ class Seams:
     samples, lumels, scene : where the seams are.
     values : (n, 3), the light of the lumels, which says how far each may be moved: that of all lights together, so that
         parts of it, stitched one by one, add up to the whole.
+    errors : (n,) about how far off each lumel may be, in parts of its light.
     """
 
-    def __init__(self, samples: SeamSamples, lumels: Lumels, scene: Scene, values: Float) -> None:
+    def __init__(self, samples: SeamSamples, lumels: Lumels, scene: Scene, values: Float, errors: Float) -> None:
         taps = seam_taps(samples, lumels, scene)
         texel = taps.texel.reshape(-1, 8)
         self._weight = (taps.weight * np.array([1.0, -1.0])[:, None]).reshape(-1, 8)
         self._unknown, column = np.unique(texel, return_inverse=True)
         self._column = column.reshape(texel.shape)
-        light = np.zeros((len(taps.owner), 3))
-        light[texel_of(lumels)] = values
-        stiff = LUMEL_WEIGHT * stiffness(taps, light)[self._unknown]
+        light, noise = np.zeros((len(taps.owner), 3)), np.zeros(len(taps.owner))
+        where = texel_of(lumels)
+        light[where], noise[where] = values, errors * values.mean(axis=1)
+        stiff = LUMEL_WEIGHT * stiffness(taps, light, noise)[self._unknown]
         self._anchor = np.where(taps.owner[self._unknown] >= 0, stiff, MARGIN_WEIGHT)
 
     def stitch(self, images: list[Float]) -> list[Float]:
@@ -103,28 +106,30 @@ def texel_of(lumels: Lumels) -> Int:
     return np.asarray(np.concatenate([[0], np.cumsum(sizes)])[lumels.page] + lumels.pixel)
 
 
-def stiffness(taps: Taps, light: Float) -> Float:
+def stiffness(taps: Taps, light: Float, noise: Float) -> Float:
     """How much lumels resist being moved, from 1 to `STIFFEST`.
 
     Parameters
     ----------
     taps : what is read at samples of seams.
-    light : (texels, 3), at the lumels; that of the margin is not looked at.
+    light, noise : (texels, 3) and (texels,), at the lumels; those of the margin are not looked at.
 
     Returns
     -------
-    (texels,) the square of the step of light at the samples that read a texel, in parts of that light and of
-    `SMALL_STEP`.
+    (texels,) the square of the step of light at the samples that read a texel, in parts of the step that may be noise.
     """
     part = taps.weight * (taps.owner[taps.texel] >= 0)
     total = part.sum(axis=2)
     both = np.flatnonzero((total > 0).all(axis=1))
-    shown = (light[taps.texel[both]] * part[both, :, :, None]).sum(axis=2) / total[both, :, None]
-    step, level = np.abs(shown[:, 0] - shown[:, 1]).mean(axis=1), shown.mean(axis=(1, 2))
-    steps, levels = (np.bincount(taps.texel[both].ravel(), (part[both] * each[:, None, None]).ravel(), len(light))
-                     for each in (step, level))
-    relative = np.divide(steps, levels, out=np.full(len(light), np.inf), where=levels > 0)
-    return np.asarray(np.clip(np.square(relative / SMALL_STEP), 1, STIFFEST))
+    texel, part = taps.texel[both], part[both] / total[both, :, None]
+    shown = (light[texel] * part[:, :, :, None]).sum(axis=2)
+    step = np.abs(shown[:, 0] - shown[:, 1]).mean(axis=1)
+    usual = NOISY * np.hypot(*(noise[texel] * part).sum(axis=2).T)
+    steps, usuals = (np.bincount(texel.ravel(), (part * each[:, None, None]).ravel(), len(light))
+                     for each in (step, usual))
+    # Where there is neither step nor noise, nothing moves anyway.
+    relative = np.divide(steps, usuals, out=np.full(len(light), np.inf), where=usuals > 0)
+    return np.asarray(np.clip(np.square(relative), 1, STIFFEST))
 
 
 def seam_taps(samples: SeamSamples, lumels: Lumels, scene: Scene) -> Taps:
