@@ -47,9 +47,10 @@ class _Drawn:
 
 
 _handles: list[Any] = []
-# The shader, made once; and what was drawn last.
+# The shader, made once; what was drawn last; and whether a bake is likely, so that the shader is to be made.
 _shader: list[Any] = []
 _drawn: list[_Drawn] = []
+_expected: list[bool] = []
 
 
 def attach() -> None:
@@ -62,23 +63,29 @@ def detach() -> None:
     """Draw no more."""
     while _handles:
         bpy.types.SpaceView3D.draw_handler_remove(_handles.pop(), "WINDOW")
-    _drawn.clear()
-    _shader.clear()
+    for kept in (_drawn, _shader, _expected):
+        kept.clear()
+
+
+def expect(area: Any) -> None:
+    """A bake is likely, as its panel is shown in this area: what draws its looks is made now, and not while it runs."""
+    if not (_shader or _expected):
+        _expected.append(True)
+        area.tag_redraw()
 
 
 def _draw() -> None:
     job, context = Job.current, bpy.context
+    if not _shader and (_expected or job is not None):
+        # Drivers translate a shader when it first draws, if only a point.
+        _shader.append(_made())
+        _show(_parts(NOTHING, _shader[0]), context)
     if job is None:
         _drawn.clear()
         return
     # Another window may show another scene: what is drawn stays for those that show this one.
     if job.scene_name != context.scene.name:
         return
-    if not _shader:
-        # Made while the scene is still read, so that the first look has not to wait for it; drivers translate a shader
-        # when it first draws, if only a point.
-        _shader.append(_made())
-        _show(_parts(NOTHING, _shader[0]), context)
     if job.look is None:
         _drawn.clear()
     elif _drawn:

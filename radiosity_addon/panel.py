@@ -6,6 +6,7 @@ from typing import Any
 
 import bpy
 
+from . import look_overlay
 from .job import Job
 from .progress import clock
 
@@ -25,6 +26,7 @@ class RADIOSITY_PT_bake(Tab, bpy.types.Panel):
     bl_idname = "RADIOSITY_PT_bake"
 
     def draw(self, context: Any) -> None:
+        look_overlay.expect(context.area)
         layout, settings = self.layout, context.scene.radiosity
         layout.use_property_split = True
         layout.use_property_decorate = False

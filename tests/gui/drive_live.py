@@ -60,7 +60,7 @@ def time_own_calls() -> None:
     def timed(call: Callable[..., Any], name: str) -> Callable[..., Any]:
         def with_clock(*arguments: Any) -> Any:
             job, begun, result = current(), time.thread_time(), None
-            stage = name or ("" if job is None else job.progress.stage)
+            stage = "idle" if job is None else name or job.progress.stage
             try:
                 result = call(*arguments)
             finally:

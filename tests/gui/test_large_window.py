@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from radiosity.tests.gui.test_live_window import LONGEST_CALL, LONGEST_CANCEL, LONGEST_DRAW, installed, watch
+from radiosity.tests.gui.test_live_window import LONGEST_CALL, LONGEST_CANCEL, LONGEST_IDLE, installed, watch
 
 pytestmark = [pytest.mark.slow, pytest.mark.timeout(900)]
 SCENE = Path(__file__).resolve().parents[3] / "shared" / "scenes" / "classroom" / "classroom.blend"
@@ -38,7 +38,7 @@ def test_the_window_is_never_kept_for_long(seen: dict[str, Any]) -> None:
     # Every call of ours in the window's thread, reading included, in seconds of that thread.
     assert {"export", "draft", "draw"} <= set(seen["own"])
     late = {what: seconds for what, seconds in seen["own"].items()
-            if seconds > (LONGEST_DRAW if what == "draw" else LONGEST_CALL)}
+            if seconds > (LONGEST_IDLE if what == "idle" else LONGEST_CALL)}
     assert late == {}
 
 
