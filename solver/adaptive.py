@@ -76,6 +76,8 @@ def gather_adaptively(transport: Transport, fans: Fans, plan: Plan, level: float
     neighbours : of the footprints; None for receivers that have none, which are not smoothed.
     """
     gather = Gather(transport, PEAK * usual)
+    # Every look is smoothed, and its error told, with the same neighbours.
+    neighbours = neighbours and neighbours.kept()
     half = plan.gather_rays // 2
     rays = np.full(len(fans), half, np.int64)
     looks = gather.light(fans, _both(np.arange(len(fans)), half, 0, seed), run)

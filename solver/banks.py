@@ -133,19 +133,30 @@ class FlatBank:
         self._closed = ~np.array(many)
         self._two_sided = np.array([isinstance(light, MeshEmitter) and light.two_sided for light in lights])
         boxes = [light.closed_box if isinstance(light, MeshEmitter) else None for light in lights]
-        everywhere = np.array([[-np.inf] * 3, [np.inf] * 3])
-        self._box = np.array([everywhere if box is None else box for box in boxes], np.float32)
+        self._boxed = np.array([box is not None for box in boxes])
+        self._any_box = bool(self._boxed.any())
+        self._box = np.array([np.zeros((2, 3)) if box is None else box for box in boxes], np.float32)
 
     def _sees_backs(self, points: Float, lamp: Int) -> NDArray[np.bool_]:
-        box = self._box[lamp]
-        return np.asarray(self._two_sided[lamp] & ((points >= box[:, 0]) & (points <= box[:, 1])).all(axis=1))
+        backs = self._two_sided[lamp]
+        if not self._any_box:
+            return np.asarray(backs)
+        rows = np.flatnonzero(backs & self._boxed[lamp])
+        low, high = np.take(self._box, lamp[rows], axis=0).transpose(1, 2, 0)
+        inside = np.ones(len(rows), bool)
+        for axis in range(3):
+            place = points[rows, axis]
+            inside &= (place >= low[axis]) & (place <= high[axis])
+        backs[rows] = inside
+        return np.asarray(backs)
 
     def irradiance(self, points: Float, normals: Float, lamp: Int) -> Float:
         """See Bank."""
         count = np.where(self._closed[lamp], self._count[lamp], 0)
         pair = np.repeat(np.arange(len(lamp)), count)
         piece = self._first[lamp][pair] + np.arange(len(pair)) - (np.cumsum(count) - count)[pair]
-        factor = indexed_form_factor(points[pair], normals[pair], self._shapes, piece, "signed")
+        points_of_pair, normals_of_pair = (np.take(array, pair, axis=0) for array in (points, normals))
+        factor = indexed_form_factor(points_of_pair, normals_of_pair, self._shapes, piece, "signed")
         back = self._sees_backs(points, lamp)[pair]
         factor = np.where(back, np.abs(factor), np.maximum(factor, 0)) * self._strength[piece]
         total = np.bincount(pair, factor, len(lamp)).astype(np.float32)
@@ -161,10 +172,11 @@ class FlatBank:
         if not self._all_square:
             square, root = self._square[piece], np.sqrt(u)
             u, v = np.where(square, u, 1 - root), np.where(square, v, root * v)
-        target = self._corner[piece]
-        target += self._one[piece] * u[:, None]
-        target += self._other[piece] * v[:, None]
-        return aimed(points, normals, target, self._normal[piece], self._sees_backs(points, lamp))
+        target, one, other, normal = (np.take(array, piece, axis=0) for array in (
+            self._corner, self._one, self._other, self._normal))
+        target += one * u[:, None]
+        target += other * v[:, None]
+        return aimed(points, normals, target, normal, self._sees_backs(points, lamp))
 
 
 def _pieces(light: MeshEmitter | Area) -> tuple[NDArray[Any], ...]:

@@ -247,7 +247,7 @@ class DirectLight:
         weight, seen = weight.reshape(-1, count), seen.reshape(-1, count)
         asked = min(count, asked)
         form, varied = self._closed(lamp, points, normals, count, asked)
-        return ShadowSums(weight.sum(1), seen.sum(1), (weight > 0).sum(1), (seen > 0).sum(1), form, varied,
+        return ShadowSums(weight.sum(1), seen.sum(1), _counted(weight > 0), _counted(seen > 0), form, varied,
                           np.where(np.isnan(form), 0, asked))
 
     def _shadow(self, lamp: Int, points: Float, normals: Float, uv: Float, run: Run) -> tuple[Float, Float]:
@@ -259,7 +259,7 @@ class DirectLight:
         if len(lit):
             reach = np.minimum(towards.distance[lit], np.float32(1e30)) * np.float32(1 - SHORTEN)
             shadows = self._shadows[self._bank[lamp[0]]]
-            hidden = shadows.occluded(points[lit], towards.direction[lit], reach)
+            hidden = shadows.occluded(np.take(points, lit, axis=0), np.take(towards.direction, lit, axis=0), reach)
             seen[lit] = np.where(hidden, 0, weight[lit])
         run.count(len(lit))
         return weight, seen
@@ -271,8 +271,14 @@ class DirectLight:
             return np.full(len(lamp), np.nan, np.float32), np.zeros(len(lamp), np.float32)
         index = (np.arange(0, len(points), count)[:, None] + np.arange(asked)).reshape(-1)
         bank = self._banks[self._bank[lamp[0]]]
-        closed = bank.irradiance(points[index], normals[index], np.repeat(self._place[lamp], asked)).reshape(-1, asked)
+        closed = bank.irradiance(np.take(points, index, axis=0), np.take(normals, index, axis=0),
+                                 np.repeat(self._place[lamp], asked)).reshape(-1, asked)
         return np.asarray(closed.mean(axis=1)), np.nan_to_num(closed.std(axis=1))
+
+
+def _counted(found: NDArray[np.bool_]) -> Int:
+    """How many are true in each row (n, k): a product, much faster than a sum over few columns."""
+    return np.asarray(np.matmul(found.astype(np.float32), np.ones(found.shape[1], np.float32)).astype(np.int64))
 
 
 def _runs(kind: Int) -> tuple[Int, list[slice]]:

@@ -77,9 +77,9 @@ class Fans:
 
         height = shifted(points[:, 0], move[:, 0])
         turn, azimuth = np.float32(2 * np.pi) * move[:, 1, None], np.float32(2 * np.pi) * points[:, 1]
-        first, second = self._frames[0][rows], self._frames[1][rows]
+        first, second, normal = (np.take(table, rows, axis=0) for table in (*self._frames, self._planes.normal))
         turned = np.stack([first * np.cos(turn) + second * np.sin(turn), second * np.cos(turn) - first * np.sin(turn),
-                           self._planes.normal[rows]], axis=1)
+                           normal], axis=1)
         radius = np.sqrt(height)
         np.multiply(radius, np.cos(azimuth), out=local[:, 0])
         np.multiply(radius, np.sin(azimuth), out=local[:, 1])

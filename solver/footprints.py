@@ -97,7 +97,7 @@ class ReceiverFootprints:
     def sample(self, rows: Int, x: Float, y: Float) -> tuple[Float, Float]:
         """See Footprints."""
         triangle = self.receivers.triangle[rows]
-        centre, step = self.receivers.barycentric[rows], self.step[rows]
+        centre, step = np.take(self.receivers.barycentric, rows, axis=0), np.take(self.step, rows, axis=0)
         place = self._offset(centre, step, x, y)
         lost = _outside(place)
         lost &= ~_outside(centre)
@@ -133,7 +133,7 @@ class ReceiverFootprints:
     def fan(self, rows: Int, x: Float, y: Float) -> tuple[Float, Float]:
         """See Footprints."""
         local, count = self.planes.places(rows, x, y), x.shape[1]
-        normals = np.repeat(self.planes.normal[rows], count, axis=0)
+        normals = np.repeat(np.take(self.planes.normal, rows, axis=0), count, axis=0)
         whole = normals.reshape(-1, count, 3)
         bent, hidden = np.flatnonzero(self.planes.bent[rows]), np.flatnonzero(self.hidden[rows])
         if len(bent):
@@ -144,7 +144,7 @@ class ReceiverFootprints:
 
     def flat_normals(self, rows: Int) -> Float:
         """See Footprints."""
-        normals = self.geometry.normal[self.receivers.triangle[rows]]
+        normals = np.take(self.geometry.normal, self.receivers.triangle[rows], axis=0)
         return np.where(self.free[rows, None], self.receivers.normal[rows], normals)
 
     def free_start(self, rows: Int) -> Float:

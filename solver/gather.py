@@ -251,15 +251,16 @@ class _Step:
         reach = brought[:, 3] * np.float32(NEAR_PATCHES)
         near, factor = self._go_on(rays, np.flatnonzero(rays.met.hits.distance < reach))
         here = cell[near]
-        reflectance = transport.cell_reflectance[here]
+        reflectance = np.take(transport.cell_reflectance, here, axis=0)
         # A ray that goes on brings the direct light from here, and leaves the rest to what it meets.
-        brought[near, :3] += (transport.cell_direct[here] - brought[near, :3]) * factor
+        straight = np.take(transport.cell_direct, here, axis=0)
+        brought[near, :3] += (straight - np.take(brought, near, axis=0)[:, :3]) * factor
         going, carried = (None, None) if self._bounce == 0 else (rays.going, rays.carried)
         if self._bounce == 0:
             rays.value, rays.carried = brought, reflectance * factor
         else:
             rays.value[rays.going, :3] += rays.carried * brought[:, :3]
-            rays.carried = rays.carried[near] * reflectance * factor
+            rays.carried = np.take(rays.carried, near, axis=0) * reflectance * factor
         rays.going = rays.going[near]
         self._trace_on(rays, near)
         if transport.split is not None or transport.keeper is not None:
@@ -291,7 +292,7 @@ class _Step:
         hits = rays.met.hits
         triangle, front = hits.triangle[near], hits.front[near]
         start = geometry.lifted(geometry.point(triangle, hits.u[near], hits.v[near]), triangle, front)
-        normal = geometry.normal[triangle]
+        normal = np.take(geometry.normal, triangle, axis=0)
         normal = np.where(front[:, None], normal, -normal)
         u, v = shifts(self._identity(rays, rays.going), 2, rays.look.seed + 5 + self._bounce).T
         directions = cosine_directions(normal, u[:, None], v[:, None])[:, 0]

@@ -98,34 +98,37 @@ class Geometry:
 
     def point(self, triangle: Int, u: Float, v: Float) -> Float:
         """(n, 3) float32: the point at barycentric (u, v) of each triangle."""
-        out = self._edge1[triangle]
+        out: Float = np.take(self._edge1, triangle, axis=0)
         out *= u[:, None]
-        second = self._edge2[triangle]
+        second = np.take(self._edge2, triangle, axis=0)
         second *= v[:, None]
         out += second
-        out += self._base[triangle]
+        out += np.take(self._base, triangle, axis=0)
         return out
 
     def shading_normal(self, triangle: Int, u: Float, v: Float) -> Float:
         """(n, 3) float32 unit normals, interpolated where the surface is smooth."""
         corner = self.scene.corner_normals
         if corner is None:
-            return self.normal[triangle]
-        blended = corner[triangle, 0] * (1 - u - v)[:, None]
-        blended += corner[triangle, 1] * u[:, None]
-        blended += corner[triangle, 2] * v[:, None]
+            return np.asarray(np.take(self.normal, triangle, axis=0))
+        corners = np.take(corner.reshape(-1, 9), triangle, axis=0)
+        blended = corners[:, :3] * (1 - u - v)[:, None]
+        blended += corners[:, 3:6] * u[:, None]
+        blended += corners[:, 6:] * v[:, None]
         length = np.sqrt(np.einsum("ij,ij->i", blended, blended))
         unit = blended / np.maximum(length, 1e-6)[:, None]
-        return np.asarray(np.where(length[:, None] > 1e-6, unit, self.normal[triangle]))
+        lost = np.flatnonzero(~(length > 1e-6))
+        unit[lost] = self.normal[triangle[lost]]
+        return np.asarray(unit)
 
     def lifted(self, points: Float, triangle: Int, front: NDArray[np.bool_]) -> Float:
         """The points, moved off their triangles to the side asked for, so that a ray does not meet its start."""
         offset = self.offset[triangle]
-        return np.asarray(points + self.normal[triangle] * np.where(front, offset, -offset)[:, None])
+        return np.asarray(points + np.take(self.normal, triangle, axis=0) * np.where(front, offset, -offset)[:, None])
 
     def reflectance(self, triangle: Int, u: Float, v: Float) -> Float:
         """(n, 3) float32 diffuse reflectance at barycentric points."""
-        out: Float = self._reflectance[triangle]
+        out: Float = np.take(self._reflectance, triangle, axis=0)
         if self._textured:
             out = out * self._textures(self._reflectance_texture, triangle, u, v)
             np.minimum(out, 1.0, out=out)
@@ -133,7 +136,7 @@ class Geometry:
 
     def emission(self, triangle: Int, u: Float, v: Float) -> Float:
         """(n, 3) float32 radiant exitance (W/m2) at barycentric points."""
-        out = self._emission[triangle]
+        out: Float = np.take(self._emission, triangle, axis=0)
         if (self._emission_texture[triangle] >= 0).any():
             out = out * self._textures(self._emission_texture, triangle, u, v)
         return out
@@ -153,7 +156,7 @@ class Geometry:
         for number, texture in enumerate(self.scene.textures):
             rows = order[bounds[number]:bounds[number + 1]]
             if len(rows):
-                corner = self.scene.uv[triangle[rows]]
+                corner = np.take(self.scene.uv, triangle[rows], axis=0)
                 weight_u, weight_v = u[rows, None], v[rows, None]
                 place = corner[:, 0] * (1 - weight_u - weight_v) + corner[:, 1] * weight_u + corner[:, 2] * weight_v
                 out[rows] = texture_lookup(texture, place)
@@ -170,6 +173,10 @@ def texture_lookup(texture: Texture, uv: Float) -> Float:
     part_x, part_y = (x - left)[:, None], (y - low)[:, None]
     left, right = left % width, (left + 1) % width
     low, high = low % height * width, (low + 1) % height * width
-    bottom = flat[low + left] * (1 - part_x) + flat[low + right] * part_x
-    top = flat[high + left] * (1 - part_x) + flat[high + right] * part_x
+
+    def at(place: Int) -> Float:
+        return np.take(flat, place, axis=0)
+
+    bottom = at(low + left) * (1 - part_x) + at(low + right) * part_x
+    top = at(high + left) * (1 - part_x) + at(high + right) * part_x
     return np.asarray(bottom * (1 - part_y) + top * part_y, np.float32)

@@ -100,15 +100,18 @@ class MeshEmitter:
         for rows, sides in ((np.flatnonzero(back), SIDES[True]), (np.flatnonzero(~back), SIDES[False])):
             if len(rows):
                 for outlines, strength in self._pieces.polygons:
-                    factor[rows] += polygons_form_factor(points[rows], normals[rows], outlines, strength, sides)
+                    some, facing = (np.take(array, rows, axis=0) for array in (points, normals))
+                    factor[rows] += polygons_form_factor(some, facing, outlines, strength, sides)
         return np.asarray(factor * self._pieces.chromaticity, np.float32)
 
     def _sees_backs(self, points: Float) -> NDArray[np.bool_]:
         """(n,) whether the backs of the triangles light the points, as far as can be told without rays."""
         if self.closed_box is None or not self.two_sided:
             return np.full(len(points), self.two_sided)
-        low, high = self.closed_box.astype(np.float32)
-        return np.asarray(((points >= low) & (points <= high)).all(axis=1))
+        inside = np.ones(len(points), bool)
+        for place, low, high in zip(points.T, *self.closed_box.astype(np.float32), strict=True):
+            inside &= (place >= low) & (place <= high)
+        return inside
 
     def sample(self, points: Float, normals: Float, uv: Float) -> LightSample:
         """Points spread over the panels by flux: the first number picks the panel and is stretched again."""
@@ -119,10 +122,11 @@ class MeshEmitter:
             chosen, u = pieces.choose(uv[:, 0])
             v = uv[:, 1]
         first, second = pieces.spread(chosen, u, v)
-        target = pieces.corner[chosen]
-        target += pieces.first[chosen] * first[:, None]
-        target += pieces.second[chosen] * second[:, None]
-        return aimed(points, normals, target, pieces.normal[chosen], self._sees_backs(points))
+        target, one, other, normal = (np.take(array, chosen, axis=0) for array in (
+            pieces.corner, pieces.first, pieces.second, pieces.normal))
+        target += one * first[:, None]
+        target += other * second[:, None]
+        return aimed(points, normals, target, normal, self._sees_backs(points))
 
     def pieces(self) -> tuple[NDArray[Any], ...]:
         """Corner, two sides and normal (k, 3) of its flat pieces; whether each is a parallelogram, the upper limit of

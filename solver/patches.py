@@ -58,7 +58,8 @@ class Spots:
     def at(cls, geometry: Geometry, triangle: Int, u: Float, v: Float, front: NDArray[np.bool_]) -> Spots:
         """The spots at barycentric points of triangles; one ray each looks for what is in front."""
         points = geometry.point(triangle, u, v)
-        normals = np.where(front[:, None], geometry.normal[triangle], -geometry.normal[triangle])
+        normals = np.take(geometry.normal, triangle, axis=0)
+        normals = np.where(front[:, None], normals, -normals)
         ahead = geometry.visibility.hits(geometry.lifted(points, triangle, front), normals)
         gap = np.where(ahead.triangle >= 0, ahead.distance, np.float32(np.inf))
         return cls(points, normals, triangle, gap, front)
@@ -66,9 +67,11 @@ class Spots:
     def __len__(self) -> int:
         return len(self.gap)
 
-    def take(self, index: NDArray[Any] | slice) -> Spots:
-        """Some of the spots."""
-        return Spots(*(getattr(self, name)[index] for name in self.__dataclass_fields__))
+    def take(self, index: Int | slice) -> Spots:
+        """Some of the spots, by their numbers."""
+        if isinstance(index, slice):
+            return Spots(*(getattr(self, name)[index] for name in self.__dataclass_fields__))
+        return Spots(*(np.take(getattr(self, name), index, axis=0) for name in self.__dataclass_fields__))
 
     @classmethod
     def join(cls, some: list[Spots]) -> Spots:
@@ -130,7 +133,7 @@ class Patches:
             heavy = np.bincount(inverse.reshape(-1), counted, len(keys)) > most
             self._add_split(level, keys[heavy])
             inside = heavy[inverse.reshape(-1)]
-            marks, weight, seen_from = marks.take(inside), weight[inside], seen_from[inside]
+            marks, weight, seen_from = marks.where(inside), weight[inside], seen_from[inside]
             if not len(weight):
                 break
 
@@ -157,7 +160,7 @@ class Patches:
             here = self._keys(marks, depth)
             deeper = _contains(self._split[depth], here)
             keys[rest[~deeper]], level[rest[~deeper]] = here[~deeper], depth
-            rest, marks = rest[deeper], marks.take(deeper)
+            rest, marks = rest[deeper], marks.where(deeper)
             if not len(rest):
                 break
         return keys, level
@@ -253,9 +256,9 @@ class _Marks:
     shell_extent: Float
     gap: Int
 
-    def take(self, index: NDArray[Any]) -> _Marks:
-        """Some of them."""
-        return _Marks(*(getattr(self, name)[index] for name in self.__dataclass_fields__))
+    def where(self, chosen: NDArray[np.bool_]) -> _Marks:
+        """Those of them that are chosen."""
+        return _Marks(*(np.compress(chosen, getattr(self, name), axis=0) for name in self.__dataclass_fields__))
 
 
 def _contains(sorted_keys: Keys, keys: Keys) -> NDArray[np.bool_]:

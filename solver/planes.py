@@ -59,7 +59,8 @@ class Planes:
 
     def points(self, rows: Int, local: Float) -> Float:
         """(n * k, 3) float32: the points at `places`, lifted off the surface."""
-        plane = np.concatenate([self._across[rows], self._start[rows, None]], axis=1)
+        across, start = (np.take(table, rows, axis=0) for table in (self._across, self._start))
+        plane = np.concatenate([across, start[:, None]], axis=1)
         return np.asarray(np.matmul(local.transpose(0, 2, 1), plane)).reshape(-1, 3)
 
     def normals(self, rows: Int, local: Float) -> Float:
@@ -89,8 +90,8 @@ class Planes:
 
     def _barycentric(self, rows: Int, local: Float) -> Float:
         """Barycentric (n, k, 2) of places (n, 2, k)."""
-        return np.asarray(self._places.receivers.barycentric[rows, None]
-                          + np.matmul(local.transpose(0, 2, 1), self._places.step[rows]))
+        return np.asarray(np.take(self._places.receivers.barycentric, rows, axis=0)[:, None]
+                          + np.matmul(local.transpose(0, 2, 1), np.take(self._places.step, rows, axis=0)))
 
     def _weights(self, rows: Int, local: Float) -> tuple[Float, Int]:
         """Barycentric (n * k, 2) of places (n, 2, k), and their triangles."""
@@ -100,7 +101,8 @@ class Planes:
     def _inside(self, rows: Int, local: Float) -> Float:
         """The places (n, 2, k); those off the triangle are replaced, in turn, by those on it, or by its middle."""
         weights = self._barycentric(rows, local)
-        inside = (weights >= 0).all(axis=2) & (weights.sum(axis=2) <= 1)
+        u, v = weights[..., 0], weights[..., 1]
+        inside = (u >= 0) & (v >= 0) & (u + v <= 1)
         nowhere = ~inside.any(axis=1)
         local[nowhere] = 0
         inside[nowhere] = True

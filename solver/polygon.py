@@ -154,8 +154,8 @@ class Shapes:
         """One polygon for each pair; a lone polygon stays as it is and broadcasts."""
         if self.normal.shape[1] == 1:
             return self
-        return Shapes(self.corners[..., index], self.edges[..., index], self.normal[:, index],
-                       self.centre[:, index], self.radius[index], self.areas[:, index])
+        return Shapes(*(np.take(array, index, axis=-1) for array in (
+            self.corners, self.edges, self.normal, self.centre, self.radius, self.areas)))
 
 
 def _form_factor(points: Float, normals: Float, shapes: Shapes, sides: Sides) -> Float:
@@ -179,7 +179,8 @@ def _form_factor(points: Float, normals: Float, shapes: Shapes, sides: Sides) ->
     for chosen, method in ((far, _area_rule), (whole, _lambert), (cut, _clipped_lambert)):
         index = np.flatnonzero(chosen)
         if len(index):
-            result[index] = method(seen[..., index], normals[:, index], shapes.take(index), tolerance[index])
+            result[index] = method(np.take(seen, index, axis=-1), np.take(normals, index, axis=-1), shapes.take(index),
+                                   tolerance[index])
     return _sided(result, sides)
 
 
@@ -223,6 +224,10 @@ def _before_the_edge(seen: Float, shapes: Shapes, tolerance: Float) -> Float:
 
     The hair is the square root of the rounding error: the value's error and the direction's are then alike.
     """
+    # Points that lie well off the polygon's plane lie on no edge.
+    near = np.abs(_dot(seen[:, 0], shapes.normal)) <= 2 * tolerance
+    if not near.any():
+        return seen
     along = -_dot(seen, shapes.edges)
     squared = _dot(shapes.edges, shapes.edges)
     nearest = np.clip(along / np.maximum(squared, np.finfo(seen.dtype).tiny), 0, 1)

@@ -72,6 +72,6 @@ class _Kernel:
         def work(part: slice) -> Float:
             weights = self.weights[part]
             own = values[part] * (1 - weights.sum(axis=1, keepdims=True))
-            return np.asarray(own + np.einsum("nk,nkc->nc", weights, values[self.others[part]]))
+            return np.asarray(own + np.einsum("nk,nkc->nc", weights, np.take(values, self.others[part], axis=0)))
 
         return np.concatenate(run.map(work, shares(len(values), CHUNK)))

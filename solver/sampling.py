@@ -96,7 +96,7 @@ def shifts(identity: NDArray[Any], dimensions: int, seed: int) -> Float:
 def shifted(points: Float, shift: Float) -> Float:
     """Points moved modulo 1: (n, k) from points (k,) and shift (n,), float32 in [0, 1)."""
     moved = points[None, :] + shift[:, None]
-    moved -= moved >= 1.0
+    moved -= np.floor(moved)
     # Rounding can leave exactly 1, which a floor() downstream would count as the next cell.
     return np.minimum(moved, np.float32(1.0 - 2.0**-24), out=moved)
 

@@ -123,4 +123,4 @@ class SeenFootprints(EachPoint):
     def flat_normals(self, rows: Int) -> Float:
         """See Footprints."""
         side = np.where(self.front[rows], np.float32(1), np.float32(-1))
-        return np.asarray(self._geometry.normal[self.triangle[rows]] * side[:, None])
+        return np.asarray(np.take(self._geometry.normal, self.triangle[rows], axis=0) * side[:, None])

@@ -86,6 +86,6 @@ def doubtful(sums: ShadowSums, rows: Int, enough: NDArray[np.bool_], asked: NDAr
     state = np.zeros(count + 1, np.int8)
     told = enough & (sums.tried > 0)
     state[rows] = np.where(doubt, 3, np.where(~told, 0, np.where(sums.met > 0, 1, 2)))
-    around = state[neighbours[rows]]
+    around = np.take(state, np.take(neighbours, rows, axis=0))
     own = state[rows][:, None]
     return np.asarray(doubt | (((around != own) & (around > 0)).any(axis=1) & told))

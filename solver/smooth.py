@@ -61,7 +61,7 @@ def smooth(first: Float, second: Float, receivers: Receivers, neighbours: Neighb
 
 def kernel_weights(receivers: Receivers, others: Int, part: slice) -> Float:
     """(m, 8): the kernel's weights of the neighbours of some receivers, 0 where there is none or it faces apart."""
-    facing = np.einsum("nkc,nc->nk", receivers.normal[others[part]], receivers.normal[part])
+    facing = np.einsum("nkc,nc->nk", np.take(receivers.normal, others[part], axis=0), receivers.normal[part])
     return np.where((others[part] >= 0) & (facing > SAME_WAY), _KERNEL, np.float32(0))
 
 
@@ -89,7 +89,8 @@ def _with_neighbours(guides: list[Float], receivers: Receivers, beside: Int, run
     def work(part: slice) -> list[Float]:
         weight, others = kernel_weights(receivers, beside, part), beside[part]
         total = 1 + weight.sum(axis=1, keepdims=True)
-        return [(guide[part] + np.einsum("nk,nkc->nc", weight, guide[others])) / total for guide in guides]
+        return [(guide[part] + np.einsum("nk,nkc->nc", weight, np.take(guide, others, axis=0))) / total
+                for guide in guides]
 
     parts = run.map(work, shares(len(beside), CHUNK))
     return [np.concatenate([part[number] for part in parts]) for number in range(len(guides))]
@@ -103,11 +104,12 @@ def _filter(job: tuple[slice, Float, Float, list[Float], Receivers, Int, Float, 
     out = []
     power = np.zeros(len(others), np.float32)
     for guide, source in zip(guides, (first, second), strict=True):
-        apart = np.square(guide[others] - guide[part][:, None]).mean(axis=2)
+        squares = np.square(np.take(guide, others, axis=0) - guide[part][:, None])
+        apart = (squares[..., 0] + squares[..., 1] + squares[..., 2]) / np.float32(3)
         excess = np.maximum(apart - noise, 0) / np.maximum(noise * softness, np.float32(1e-30))
         weight = np.where(excess < FARTHEST, kernel * np.exp(-excess), np.float32(0))
         total = 1 + weight.sum(axis=1)
-        around = np.einsum("nk,nkc->nc", weight, source[others])
+        around = np.einsum("nk,nkc->nc", weight, np.take(source, others, axis=0))
         out.append(np.asarray((source[part] + around) / total[:, None], np.float32))
         power += (variance[part] + (weight**2 * variance[others]).sum(axis=1)) / total**2 / 2
     return out[0], out[1], power

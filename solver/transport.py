@@ -171,7 +171,7 @@ class Transport:
                 self._extent = self._extents()
             self._extent = np.concatenate([self._extent, self.patches.size()[len(self._extent):]])
             patch = self.cell_patch[fresh]
-            irradiance = self.irradiance[patch]
+            irradiance = np.take(self.irradiance, patch, axis=0)
             self._table.cut(fresh.start)
             leaving = self.cell_direct[fresh] + self.cell_reflectance[fresh] * np.nan_to_num(irradiance)
             self._table.append(padded(leaving, self._extent[patch]))
@@ -240,7 +240,7 @@ class Transport:
         directions = cosine_directions(normals, height.reshape(-1, 1), azimuth.reshape(-1, 1))[:, 0]
         spots = self.met.spots
         met = self.trace(points3, directions, ~spots.front[order[member]])
-        met = met.where_above(directions, spots.normals[order[member]])
+        met = met.where_above(directions, np.take(spots.normals, order[member], axis=0))
         sky = np.zeros((0 if self.geometry.scene.sky.is_black else len(met.sides), 3), np.float32)
         sky[met.missed] = met.sky
         eighth = self.patches.part(points3, np.repeat(patches[part], rays))
@@ -356,15 +356,16 @@ class Transport:
         self.late_rows += late
         for rows in late:
             seen = rows.hits.reshape(-1)
-            irradiance = self.irradiance[self.cell_patch[seen]]
+            irradiance = np.take(self.irradiance, self.cell_patch[seen], axis=0)
             met = (seen != NOTHING)[:, None]
             known = ~(met & np.isnan(irradiance))
             shape = (*rows.hits.shape, 3)
-            reflected = (met * self.cell_reflectance[seen] * np.nan_to_num(irradiance)).reshape(shape).mean(axis=1)
+            reflectance = np.take(self.cell_reflectance, seen, axis=0)
+            reflected = (met * reflectance * np.nan_to_num(irradiance)).reshape(shape).mean(axis=1)
             part = np.maximum(known.reshape(shape).mean(axis=1), 1 / shape[1])
-            straight = (met * self.cell_direct[seen]).reshape(shape).mean(axis=1)
+            straight = (met * np.take(self.cell_direct, seen, axis=0)).reshape(shape).mean(axis=1)
             self.irradiance[rows.patch] = rows.mean_sky() + straight + reflected / part
             for group, light in enumerate(self.apart):
-                indirect = met * self.cell_reflectance[seen] * np.nan_to_num(light[self.cell_patch[seen]])
+                indirect = met * reflectance * np.nan_to_num(light[self.cell_patch[seen]])
                 straight = (met * self.met.direct_of(group)[seen]).reshape(shape).mean(axis=1)
                 light[rows.patch] = self._sky(rows, group) + straight + indirect.reshape(shape).mean(axis=1) / part
