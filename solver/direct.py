@@ -247,7 +247,7 @@ class DirectLight:
         weight, seen = weight.reshape(-1, count), seen.reshape(-1, count)
         asked = min(count, asked)
         form, varied = self._closed(lamp, points, normals, count, asked)
-        return ShadowSums(weight.sum(1), seen.sum(1), _counted(weight > 0), _counted(seen > 0), form, varied,
+        return ShadowSums(weight.sum(1), seen.sum(1), (weight > 0).sum(1), (seen > 0).sum(1), form, varied,
                           np.where(np.isnan(form), 0, asked))
 
     def _shadow(self, lamp: Int, points: Float, normals: Float, uv: Float, run: Run) -> tuple[Float, Float]:
@@ -274,11 +274,6 @@ class DirectLight:
         closed = bank.irradiance(np.take(points, index, axis=0), np.take(normals, index, axis=0),
                                  np.repeat(self._place[lamp], asked)).reshape(-1, asked)
         return np.asarray(closed.mean(axis=1)), np.nan_to_num(closed.std(axis=1))
-
-
-def _counted(found: NDArray[np.bool_]) -> Int:
-    """How many are true in each row (n, k): a product, much faster than a sum over few columns."""
-    return np.asarray(np.matmul(found.astype(np.float32), np.ones(found.shape[1], np.float32)).astype(np.int64))
 
 
 def _runs(kind: Int) -> tuple[Int, list[slice]]:
