@@ -30,8 +30,8 @@ JOB = json.loads(os.environ["DRIVE_JOB"])
 TAB_STEP, BUTTON_STEP = 10, 14
 # Seconds for the window to handle a move of the mouse, and to draw what a click changed.
 MOVE, DRAW = 0.03, 0.3
-# Seconds that an operator may run.
-LONGEST = 240.0
+# Seconds between two looks at an operator that runs, and that it may run.
+TICK, LONGEST = 0.1, 240.0
 SEEN: dict[str, Any] = {"differences": {}, "shading": {}, "mode": {}}
 
 
@@ -141,9 +141,20 @@ def press_button(operator: str) -> Iterator[float]:
         yield from look(window, area, region, y)
         if FOUND[y] == operator:
             click(window, region.x + (region.width - 20) // 2, y)
-            yield DRAW
+            # A short operator has ended before what it changed is drawn.
+            for _ in range(round(DRAW / TICK)):
+                yield TICK
+                count_tick(operator)
             return
     raise LookupError(f"no button of {operator} in the panel")
+
+
+def count_tick(operator: str) -> bool:
+    """Whether the operator runs, and the window with it; counted."""
+    verb, name = operator.split(".")[1], f"ticks of {operator}"
+    runs = any(running.bl_idname.lower().endswith(f"_ot_{verb}") for running in viewport()[0].modal_operators)
+    SEEN[name] = SEEN.get(name, 0) + runs
+    return runs
 
 
 def press(operator: str) -> Iterator[float]:
@@ -160,16 +171,14 @@ def press(operator: str) -> Iterator[float]:
 
 def wait(operator: str) -> Iterator[float]:
     """Wait while the operator runs, with the window alive."""
-    verb = operator.split(".")[1]
     end, ticks = time.monotonic() + LONGEST, 0
-    while any(running.bl_idname.lower().endswith(f"_ot_{verb}") for running in viewport()[0].modal_operators):
+    while count_tick(operator):
         if time.monotonic() > end:
             raise TimeoutError(f"{operator} still runs after {LONGEST:g} s")
         ticks += 1
         if ticks == 2:
-            yield from shot(f"{verb}-runs")
-        yield 0.1
-    SEEN[f"ticks of {operator}"] = ticks
+            yield from shot(f"{operator.split('.')[1]}-runs")
+        yield TICK
 
 
 def idle(seconds: float) -> Iterator[float]:
