@@ -1,6 +1,6 @@
 """Steps of the light across the seams of the layout, against steps between lumels inside charts.
 
-    python -m benchmarks.seams SCENE.blend ... [--error .1] [--resolution 512]
+    python -m benchmarks.seams SCENE.blend ... [--error .1] [--resolution 512] [--as-far 2]
 
 Printed for each scene, before and after stitching, over the seams of smooth surfaces (across a crease, or from one
 object to another that is not flush with it, light really has a step):
@@ -12,7 +12,7 @@ object to another that is not flush with it, light really has a step):
 
 Like is compared with like: for `seam` and `inside` those pairs count whose lumels face the same way (in a narrow strip
 of a smooth surface the shading normal turns by tens of degrees from one chart to the next, and the light with it), and
-are about as far apart as the lumels of their charts are.
+are about as far apart as the lumels of their charts are, to a factor of `--as-far`.
 """
 
 from __future__ import annotations
@@ -103,7 +103,7 @@ def pairs_across(lumels: Lumels, taps: seams.Taps) -> Int:
     return np.asarray(np.unique(np.sort(pair, axis=1), axis=0))
 
 
-def steps(lumels: Lumels, images: list[Float], taps: seams.Taps) -> Steps:
+def steps(lumels: Lumels, images: list[Float], taps: seams.Taps, as_far: float) -> Steps:
     """Mean steps over seams and beside them, see the module."""
     flat = np.concatenate([image.reshape(-1, 3) for image in images]).astype(np.float64)
     shown = (flat[taps.texel] * taps.weight[:, :, :, None]).sum(axis=2)
@@ -122,12 +122,12 @@ def steps(lumels: Lumels, images: list[Float], taps: seams.Taps) -> Steps:
     counts = own_alike & (around >= 0)
     number = np.maximum(counts.sum(axis=1), 1)
     inside, usual = ((each * counts).sum(axis=1) / number for each in (own_step, own_distance))
-    some = alike & counts.any(axis=1) & (distance > usual / AS_FAR) & (distance < usual * AS_FAR)
+    some = alike & counts.any(axis=1) & (distance > usual / as_far) & (distance < usual * as_far)
     return Steps(float(step[some].mean()), float(inside[some].mean()), float(np.abs(shown[:, 0] - shown[:, 1]).mean()),
                  float(step.mean()), int(some.sum()), len(pair))
 
 
-def measure(path: Path, settings: Settings) -> bool:
+def measure(path: Path, settings: Settings, as_far: float) -> bool:
     """Print a scene's row; whether its stitched seams hold."""
     lumels, scene, images, between = baked(path, settings)
     taps = seams.seam_taps(seam_samples(lumels, scene), lumels, scene)
@@ -138,7 +138,7 @@ def measure(path: Path, settings: Settings) -> bool:
     print(f"{path.stem}: {len(lumels)} lumels, {len(taps.texel)} samples of seams, {moved} texels moved in "
           f"{seconds:.2f} s")
     for name, shown in (("before", images), ("stitched", stitched)):
-        found = steps(lumels, shown, taps)
+        found = steps(lumels, shown, taps, as_far)
         print(f"  {name:<10}seam {found.seam:.3g}  inside {found.inside:.3g}  seam / inside {found.ratio:.2f}  "
               f"({found.alike} pairs)  shown {found.shown:.3g}  all {found.all:.3g}  ({found.pairs} pairs)", flush=True)
     return found.ratio <= WANTED
@@ -150,6 +150,7 @@ def main(arguments: list[str] | None = None) -> int:
     parser.add_argument("scenes", type=Path, nargs="+", metavar="SCENE.blend")
     parser.add_argument("--error", type=float, default=0.1)
     parser.add_argument("--resolution", type=int, default=512)
+    parser.add_argument("--as-far", type=float, default=AS_FAR)
     given = parser.parse_args(arguments)
     with tempfile.TemporaryDirectory() as folder:
         os.environ.setdefault("BLENDER_USER_RESOURCES", folder)
@@ -158,7 +159,7 @@ def main(arguments: list[str] | None = None) -> int:
         settings = Settings(error=given.error, resolution=given.resolution)
         radiosity_addon.register()
         try:
-            held = [measure(path, settings) for path in given.scenes]
+            held = [measure(path, settings, given.as_far) for path in given.scenes]
         finally:
             radiosity_addon.unregister()
     return 0 if all(held) else 1

@@ -54,15 +54,18 @@ class Gathered:
 
     first, bounced : (n, 3) irradiance from sky and gathered emitters, and from reflected light.
     apart : (n, 3 g) what is wanted of both of each light group.
-    error : root mean square error that is expected.
-    errors : (n,) the same of each receiver.
+    square_error : (n,) mean square error of each receiver that is expected, W2/m4.
     """
 
     first: Float
     bounced: Float
     apart: Float
-    error: float
-    errors: Float
+    square_error: Float
+
+    @property
+    def error(self) -> float:
+        """Root mean square error that is expected, W/m2."""
+        return float(np.sqrt(_mean(self.square_error)))
 
 
 def gather_adaptively(transport: Transport, fans: Fans, plan: Plan, level: float, usual: float, seed: int,
@@ -96,7 +99,7 @@ def gather_adaptively(transport: Transport, fans: Fans, plan: Plan, level: float
         error = _error(looks, fans, neighbours, run)
     smoothed = [_smoothed(*part, fans, neighbours, run, rare=bool(number)) for number, part in enumerate(_parts(looks))]
     value = np.sum(smoothed, axis=0) / 2
-    return Gathered(value[:, :3], value[:, 3:6], value[:, 6:], _mean(error) ** 0.5, np.sqrt(np.maximum(error, 0)))
+    return Gathered(value[:, :3], value[:, 3:6], value[:, 6:], error)
 
 
 def _mean(error: Float) -> float:

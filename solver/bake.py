@@ -224,7 +224,7 @@ class _Work:
         with self.stages("direct"):
             level = self.lamps + float(gathered.first.mean() + gathered.bounced.mean())
             self.expected = self.plan.expected_error(gathered.error / max(level, 1e-30))
-            self.errors = gathered.errors
+            self.errors = np.sqrt(gathered.square_error)
             lit = self.direct.apart(places, self.run, level * self.plan.direct_error, PILOT if near else LONE_PILOT,
                                     neighbours=near.at(1) if near else None)
             self.apart = gathered.apart if self.settings.passes == "indirect" else gathered.apart + lit[:, 3:]

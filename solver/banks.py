@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from .area_lamp import Area
 from .lamps import Point, View
-from .lights import Light, LightSample, aimed
+from .lights import Light, LightSample, aimed, inside_box
 from .linking import links_of, without_links
 from .mesh_emitter import CLOSED_FORM_TRIANGLES, MeshEmitter
 from .polygon import Shapes, indexed_form_factor
@@ -134,20 +134,13 @@ class FlatBank:
         self._two_sided = np.array([isinstance(light, MeshEmitter) and light.two_sided for light in lights])
         boxes = [light.closed_box if isinstance(light, MeshEmitter) else None for light in lights]
         self._boxed = np.array([box is not None for box in boxes])
-        self._any_box = bool(self._boxed.any())
         self._box = np.array([np.zeros((2, 3)) if box is None else box for box in boxes], np.float32)
 
     def _sees_backs(self, points: Float, lamp: Int) -> NDArray[np.bool_]:
         backs = self._two_sided[lamp]
-        if not self._any_box:
-            return np.asarray(backs)
         rows = np.flatnonzero(backs & self._boxed[lamp])
         low, high = np.take(self._box, lamp[rows], axis=0).transpose(1, 2, 0)
-        inside = np.ones(len(rows), bool)
-        for axis in range(3):
-            place = points[rows, axis]
-            inside &= (place >= low[axis]) & (place <= high[axis])
-        backs[rows] = inside
+        backs[rows] = inside_box(np.take(points, rows, axis=0), low, high)
         return np.asarray(backs)
 
     def irradiance(self, points: Float, normals: Float, lamp: Int) -> Float:

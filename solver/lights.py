@@ -84,6 +84,14 @@ def aimed(points: Float, normals: Float, target: Float, facing: Float,
     return LightSample(direction, distance, np.asarray(weight))
 
 
+def inside_box(points: Float, low: Float, high: Float) -> NDArray[np.bool_]:
+    """(n,) whether points (n, 3) lie in a box from `low` to `high`, (3,), or each in its own, (3, n)."""
+    inside = np.ones(len(points), bool)
+    for axis in range(3):
+        inside &= (points[:, axis] >= low[axis]) & (points[:, axis] <= high[axis])
+    return inside
+
+
 def dot(a: Float, b: Float) -> Float:
     """Row by row: (n, 3) and (n, 3) or (3,) -> (n,)."""
     return np.asarray(a[..., 0] * b[..., 0] + a[..., 1] * b[..., 1] + a[..., 2] * b[..., 2])

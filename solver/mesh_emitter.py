@@ -15,7 +15,7 @@ from numpy.typing import ArrayLike, NDArray
 from .errors import SceneError
 from .islands import Islands
 from .lamp_checks import put
-from .lights import LightSample, aimed
+from .lights import LightSample, aimed, inside_box
 from .panels import Panels, panels, partners
 from .polygon import Sides, polygons_form_factor
 
@@ -108,10 +108,7 @@ class MeshEmitter:
         """(n,) whether the backs of the triangles light the points, as far as can be told without rays."""
         if self.closed_box is None or not self.two_sided:
             return np.full(len(points), self.two_sided)
-        inside = np.ones(len(points), bool)
-        for place, low, high in zip(points.T, *self.closed_box.astype(np.float32), strict=True):
-            inside &= (place >= low) & (place <= high)
-        return inside
+        return inside_box(points, *self.closed_box.astype(np.float32))
 
     def sample(self, points: Float, normals: Float, uv: Float) -> LightSample:
         """Points spread over the panels by flux: the first number picks the panel and is stretched again."""

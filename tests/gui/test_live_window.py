@@ -14,7 +14,7 @@ pytestmark = [pytest.mark.slow, pytest.mark.timeout(900)]
 # Seconds that the extension may keep the window's thread in one go, and that Esc may take.
 LONGEST_CALL, LONGEST_CANCEL = 0.1, 1.0
 # Seconds of that thread before the bake, where its panel is shown: a software driver compiles the looks' shader then.
-LONGEST_IDLE = 0.3
+LONGEST_IDLE = 0.2
 # Seconds that a window, drawn in software on cores that the bake has too, may be later than it is by itself.
 LONGEST_GAP = 3.0
 # What is printed of a visit.
