@@ -62,10 +62,14 @@ class Working:
     def _tick(self, context: Any) -> Any:
         """One step of the work that is Blender's thread's; what came of the job, at its end."""
         self._tell_progress(context)
-        if look_overlay.prepare(self._job.look) or self._job.look is not self._look:
-            self._look = self._job.look
-            redraw_views(context)
-            return None  # the view first
+        look = self._job.look
+        is_ready = look_overlay.is_ready(look)
+        if not is_ready or look is not self._look:
+            # The view first.
+            if is_ready or look_overlay.prepare(look):
+                self._look = look
+                redraw_views(context)
+            return None
         if self._parts is None:
             if not self._job.is_done:
                 return None

@@ -1,7 +1,7 @@
 """Runs in a Blender of its own: what Cycles makes of worlds and materials, one request after another.
 
-Started by `cycles_elsewhere.py` with a job in JSON: folder, and the .blend with the blocks. A line on standard input is
-the number of a request, whose file is there by then; answers are files too, put in their places when they are whole.
+Started by `cycles_elsewhere.py` with a job in JSON, which names the folder. A line on standard input is the number of a
+request, whose file is there by then; answers are files too, put in their places when they are whole.
 """
 
 from __future__ import annotations
@@ -10,6 +10,7 @@ import json
 import os
 import pickle
 import sys
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -28,16 +29,12 @@ def main(path: str) -> None:
     """Answer until nobody asks any more."""
     job = json.loads(Path(path).read_text(encoding="utf-8"))
     folder = Path(job["folder"])
-    with bpy.data.libraries.load(job["blocks"]) as (there, here):
-        here.worlds, here.materials = list(there.worlds), list(there.materials)
-    # By the names that they have in the file: here they may have got others.
-    worlds = dict(zip(there.worlds, here.worlds, strict=True))
-    materials = dict(zip(there.materials, here.materials, strict=True))
+    blocks = _Blocks({}, {})
     for line in sys.stdin:
         number = int(line)
         asked = pickle.loads((folder / REQUEST.format(number)).read_bytes())
         try:
-            answer: Any = _answer(asked, worlds, materials)
+            answer: Any = _answer(asked, blocks)
         except RadiosityError as error:
             answer = str(error)
         beside = folder / f"part_{number}"
@@ -45,10 +42,26 @@ def main(path: str) -> None:
         os.replace(beside, folder / ANSWER.format(number))
 
 
-def _answer(asked: dict[str, Any], worlds: dict[str, Any], materials: dict[str, Any]) -> Any:
+@dataclass(frozen=True)
+class _Blocks:
+    """What was brought, by the names that it has in the other Blender's file: here it may have got others."""
+
+    worlds: dict[str, Any]
+    materials: dict[str, Any]
+
+    def load(self, path: str) -> None:
+        with bpy.data.libraries.load(path) as (there, here):
+            here.worlds, here.materials = list(there.worlds), list(there.materials)
+        self.worlds.update(zip(there.worlds, here.worlds, strict=True))
+        self.materials.update(zip(there.materials, here.materials, strict=True))
+
+
+def _answer(asked: dict[str, Any], blocks: _Blocks) -> Any:
+    if asked["do"] == "bring":
+        return blocks.load(asked["blocks"])
     if asked["do"] == "map":
-        return whole(world_render.map_parts(worlds[asked["world"]], world_render.Map(*asked["size"])))
+        return whole(world_render.map_parts(blocks.worlds[asked["world"]], world_render.Map(*asked["size"])))
     if asked["do"] == "window":
-        return world_render.window(worlds[asked["world"]], *asked["view"])
-    subject = evaluate.Subject(materials[asked["material"]], MeshPart(*asked["part"]), *asked["subject"])
+        return world_render.window(blocks.worlds[asked["world"]], *asked["view"])
+    subject = evaluate.Subject(blocks.materials[asked["material"]], MeshPart(*asked["part"]), *asked["subject"])
     return np.asarray(evaluate.bake(subject, asked["name"], Cells(*asked["cells"]), asked["frame"]))

@@ -22,32 +22,38 @@ from ..solver.errors import RadiosityError
 from . import child_blender, node_hash
 from .parts import Parts
 
-# Files in the folder that both know, by number.
+# Files in the folder, by the number of a request.
 REQUEST, ANSWER = "request_{}.pickle", "answer_{}.pickle"
-BLOCKS = "blocks.blend"
+BLOCKS = "blocks_{}.blend"
 # Seconds between two looks for an answer.
 TICK = 0.002
 
 
 class Elsewhere:
-    """The other Blender. Close it in any case."""
+    """The other Blender; it starts when it is first brought something. Close it in any case."""
 
-    def __init__(self, blocks: Iterable[Any]) -> None:
-        """Write worlds and materials to a file of their own and start; the open file stays as it is."""
+    def __init__(self) -> None:
         self._folder = tempfile.TemporaryDirectory(prefix="radiosity-cycles-")
-        folder = Path(self._folder.name)
-        bpy.data.libraries.write(str(folder / BLOCKS), set(blocks), path_remap="ABSOLUTE", fake_user=True)
-        job = folder / "job.json"
-        job.write_text(json.dumps({**child_blender.known("cycles_child", folder), "blocks": str(folder / BLOCKS)}),
-                       encoding="utf-8")
-        resources = folder / "resources"
-        resources.mkdir()
-        self._log = folder / "log"
-        with self._log.open("wb") as log:
-            self._process = subprocess.Popen(
-                child_blender.command(job), bufsize=0, stdin=subprocess.PIPE, stdout=log, stderr=subprocess.STDOUT,
-                env={**os.environ, "BLENDER_USER_RESOURCES": str(resources), **child_blender.temporary(folder)})
+        self._log = Path(self._folder.name) / "log"
+        self._process: subprocess.Popen[bytes] | None = None
+        self._known: set[tuple[str, str]] = set()
         self._asked = 0
+
+    def bring(self, blocks: Iterable[Any]) -> None:
+        """Have it know worlds and materials, those that can go there; the open file stays as it is."""
+        new = {block for block in blocks if can_go(block) and not self.knows(block)}
+        if not new:
+            return
+        if self._process is None:
+            self._process = self._started()
+        path = str(Path(self._folder.name) / BLOCKS.format(self._asked))
+        bpy.data.libraries.write(path, new, path_remap="ABSOLUTE", fake_user=True)
+        self._known.update(map(_name, new))
+        self._send(self._process, {"do": "bring", "blocks": path})
+
+    def knows(self, block: Any) -> bool:
+        """Whether it can be asked for a world or material."""
+        return _name(block) in self._known
 
     def ask(self, **request: Any) -> Parts[Any]:
         """The answer to a request of `cycles_child.py`.
@@ -57,15 +63,8 @@ class Elsewhere:
         RadiosityError
             If Cycles can't do it, or the other Blender fails, with its own last word.
         """
-        folder, number = Path(self._folder.name), self._asked
-        self._asked += 1
-        (folder / REQUEST.format(number)).write_bytes(pickle.dumps(request))
-        answer = _Answer(self._process, folder / ANSWER.format(number))
-        assert self._process.stdin is not None
-        try:
-            self._process.stdin.write(f"{number}\n".encode())
-        except OSError:
-            self._process.wait()
+        assert self._process is not None
+        answer = _Answer(self._process, self._send(self._process, request))
         while not answer.is_there():
             yield answer
         if not answer.path.is_file():
@@ -79,11 +78,34 @@ class Elsewhere:
 
     def close(self) -> None:
         """End it; nothing of it stays."""
-        self._process.kill()
-        self._process.wait()
-        if self._process.stdin is not None:
-            self._process.stdin.close()
+        if self._process is not None:
+            self._process.kill()
+            self._process.wait()
+            if self._process.stdin is not None:
+                self._process.stdin.close()
         self._folder.cleanup()
+
+    def _started(self) -> subprocess.Popen[bytes]:
+        folder = Path(self._folder.name)
+        job, resources = folder / "job.json", folder / "resources"
+        job.write_text(json.dumps(child_blender.known("cycles_child", folder)), encoding="utf-8")
+        resources.mkdir()
+        with self._log.open("wb") as log:
+            return subprocess.Popen(
+                child_blender.command(job), bufsize=0, stdin=subprocess.PIPE, stdout=log, stderr=subprocess.STDOUT,
+                env={**os.environ, "BLENDER_USER_RESOURCES": str(resources), **child_blender.temporary(folder)})
+
+    def _send(self, process: subprocess.Popen[bytes], request: dict[str, Any]) -> Path:
+        """Hand a request over; the file that its answer will be."""
+        folder, number = Path(self._folder.name), self._asked
+        self._asked += 1
+        (folder / REQUEST.format(number)).write_bytes(pickle.dumps(request))
+        assert process.stdin is not None
+        try:
+            process.stdin.write(f"{number}\n".encode())
+        except OSError:
+            process.wait()
+        return folder / ANSWER.format(number)
 
 
 class _Answer:
@@ -101,6 +123,10 @@ class _Answer:
         until = None if timeout is None else time.monotonic() + timeout
         while not self.is_there() and (until is None or time.monotonic() < until):
             time.sleep(TICK)
+
+
+def _name(block: Any) -> tuple[str, str]:
+    return block.rna_type.identifier, block.name_full
 
 
 def can_go(block: Any) -> bool:

@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 from ..solver.errors import RadiosityError
 from . import cycles, node_hash
 from .compat import version
-from .cycles_elsewhere import Elsewhere, can_go
+from .cycles_elsewhere import Elsewhere
 from .materials import PARTS, Shading
 from .mesh_part import BAKE_UV, MeshPart, make_mesh
 from .parts import PAUSE, Parts, aside
@@ -139,7 +139,7 @@ def evaluate(requests: Sequence[Request], frame: int, elsewhere: Elsewhere | Non
     Parameters
     ----------
     frame : number of the frame, for what is animated.
-    elsewhere : another Blender that knows all materials which can go there; None: Cycles works in this one.
+    elsewhere : another Blender; with None, and what that does not know, Cycles works in this one.
 
     Raises
     ------
@@ -170,7 +170,7 @@ def _evaluate(one: Request, budget: int, frame: int, elsewhere: Elsewhere | None
     for name in one.parts():
         key = _key(one, name, budget, frame)
         if key not in _cache:
-            if elsewhere is not None and can_go(subject.material):
+            if elsewhere is not None and elsewhere.knows(subject.material):
                 pixels = yield from elsewhere.ask(
                     do="bake", material=subject.material.name, name=name, frame=frame, part=plain(subject.part),
                     cells=plain(cells), subject=(subject.matrix, subject.colour, subject.index, subject.random))

@@ -8,7 +8,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from functools import partial
 from typing import Any
@@ -20,13 +21,11 @@ from ..solver.lights import Light
 from ..solver.scene import Scene, Sky
 from ..solver.settings import Settings
 from .binding import Binding
-from .cycles_elsewhere import Elsewhere, can_go
+from .cycles_elsewhere import Elsewhere
 from .giants import with_fair_shares
 from .lamp_nodes import Emissions, emission_parts
 from .lights import lamp_data
 from .parts import ENDLESS, Parts, aside, whole
-from .render_walk import viewport_shows_the_same
-from .surface_materials import SurfaceMaterials
 from .surfaces import Surfaces, surface_parts
 from .units import per_blender_unit
 from .warn import Warnings
@@ -86,47 +85,46 @@ def export_parts(scene: Any, view_layer: Any, settings: Settings, warnings: Warn
     glance : its parts come first.
     """
     settings = per_blender_unit(settings, scene, warnings)
-    emissions = yield from emission_parts(lamp_data(scene), warnings)
-    if glance is not None:
-        yield from _glanced(scene, view_layer, settings, emissions, convert, part_seconds, glance)
-    found = yield from surface_parts(scene, view_layer, settings, emissions, warnings, convert, part_seconds)
-    assembly = found.assembly
-    yield from aside(assembly.settle)
-    yield from assembly.materials.read_images()
-    frame = scene.frame_current
-    elsewhere = _cycles_elsewhere(scene.world, assembly.materials, frame) if part_seconds < ENDLESS else None
-    try:
-        there = elsewhere if elsewhere is not None and scene.world is not None and can_go(scene.world) else None
-        sky, suns = yield from world_parts(scene.world, warnings, None, part_seconds, there)
-        yield from assembly.materials.evaluate(frame, elsewhere)
-    finally:
-        if elsewhere is not None:
-            elsewhere.close()
+    with _cycles_elsewhere(part_seconds) as elsewhere:
+        if elsewhere is not None and needs_render(scene.world):
+            elsewhere.bring([scene.world])
+        emissions = yield from emission_parts(lamp_data(scene), warnings)
+        if glance is not None:
+            yield from _glanced(scene, view_layer, settings, emissions, convert, part_seconds, glance, elsewhere)
+        found = yield from surface_parts(scene, view_layer, settings, emissions, warnings, convert, part_seconds)
+        assembly = found.assembly
+        yield from aside(assembly.settle)
+        yield from assembly.materials.read_images()
+        sky, suns = yield from world_parts(scene.world, warnings, None, part_seconds, elsewhere)
+        yield from assembly.materials.evaluate(scene.frame_current, elsewhere)
     return (yield from aside(partial(_lit, found, (*found.lamps, *suns), sky, settings, warnings)))
 
 
 def _glanced(scene: Any, view_layer: Any, settings: Settings, emissions: Emissions, convert: bool,
-             part_seconds: float, glance: Glance) -> Parts[None]:
+             part_seconds: float, glance: Glance, elsewhere: Elsewhere | None) -> Parts[None]:
     """Show what can be told of a scene at once: images by their mean, materials that Cycles has not seen yet.
 
     A viewport with the same objects is not asked to draw anew, and modifiers have done their work for it already.
     """
-    found = yield from surface_parts(scene, view_layer, settings, emissions, [], convert, part_seconds,
-                                     as_rendered=not viewport_shows_the_same(view_layer))
+    found = yield from surface_parts(scene, view_layer, settings, emissions, [], convert, part_seconds, roughly=True)
     yield from found.assembly.materials.glance_at_images()
 
     def dark() -> Scene:
         found.assembly.settle()
         return found.assembly.scene(found.lamps, Sky())
 
-    yield from glance(dark, world_parts(scene.world, [], COARSE), settings)
+    yield from glance(dark, world_parts(scene.world, [], COARSE, elsewhere=elsewhere), settings)
 
 
-def _cycles_elsewhere(world: Any, materials: SurfaceMaterials, frame: int) -> Elsewhere | None:
-    """Another Blender for what Cycles has to look at; None if there is nothing of it that can go there."""
-    worlds = [world] if needs_render(world) else []
-    blocks = [block for block in (*worlds, *materials.materials_to_ask(frame)) if can_go(block)]
-    return Elsewhere(blocks) if blocks else None
+@contextmanager
+def _cycles_elsewhere(part_seconds: float) -> Iterator[Elsewhere | None]:
+    """Another Blender for what Cycles has to look at; None where nobody waits."""
+    elsewhere = Elsewhere() if part_seconds < ENDLESS else None
+    try:
+        yield elsewhere
+    finally:
+        if elsewhere is not None:
+            elsewhere.close()
 
 
 def export_surfaces(scene: Any, view_layer: Any, settings: Settings) -> Scene:
@@ -146,12 +144,8 @@ def surface_scene_parts(scene: Any, view_layer: Any, settings: Settings,
     assembly = (yield from surface_parts(scene, view_layer, settings, {}, [], True, part_seconds)).assembly
     yield from aside(assembly.settle)
     yield from assembly.materials.read_images()
-    elsewhere = _cycles_elsewhere(None, assembly.materials, scene.frame_current) if part_seconds < ENDLESS else None
-    try:
+    with _cycles_elsewhere(part_seconds) as elsewhere:
         yield from assembly.materials.evaluate(scene.frame_current, elsewhere)
-    finally:
-        if elsewhere is not None:
-            elsewhere.close()
     return (yield from aside(lambda: assembly.scene((), Sky())))
 
 

@@ -23,7 +23,7 @@ class Look:
     title : what it is, for people.
     corners : (n, 3, 3) float32, the triangles in world space.
     uv : (n, 3, 2) float32, where they lie in their page.
-    page : (n,) int32 index into `pages`; -1 where `colour` alone tells the light.
+    page : (n,) int32 index into `pages`, ascending; -1 where `colour` alone tells the light.
     colour : (n, 3, 3) float32, by which the page is multiplied at each corner.
     glow : (n, 3) float32, radiance that each triangle sends out by itself.
     pages : (h, w, 3) float32 each, row 0 at the bottom.
@@ -72,7 +72,9 @@ def look_at(scene: Scene, bake: Bake, quantity: str, title: str) -> Look:
                                           for index, surface in surfaces])
     elif (page < 0).any():
         colour[page < 0] = 0
-    return Look(title, corners, uv, page, colour, glow[chosen], tuple(item.pixels for item in bake.lightmaps))
+    order = np.argsort(page, kind="stable")
+    return Look(title, corners[order], uv[order], page[order], colour[order], glow[chosen[order]],
+                tuple(item.pixels for item in bake.lightmaps))
 
 
 def _or_zero(values: Any, count: int, width: int) -> Float:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import Any
 
@@ -11,12 +10,15 @@ import numpy as np
 
 from .job import Job
 from .look import Look
+from .parts import Parts, some, whole
 
 # One point, of no light.
 NOTHING = Look("", np.zeros((1, 3, 3), np.float32), np.zeros((1, 3, 2), np.float32), np.full(1, -1, np.int32),
                np.zeros((1, 3, 3), np.float32), np.zeros((1, 3), np.float32), ())
 # How far the light lies before its surfaces, as part of the depth buffer's range.
 NEARER = 2e-5
+# Triangles that are handed to the graphics card in one go, and about so many seconds of that at a time.
+PIECE, PART = 2**14, 0.05
 
 VERTEX = """
 void main() {
@@ -38,18 +40,24 @@ void main() {
 """
 
 
+Drawing = list[tuple[Any, Any]]
+
+
 @dataclass(frozen=True)
 class _Drawn:
-    """A look on its way to the screen: a texture and a batch for each page."""
+    """A look, and the textures and batches that draw it; what there is yet to do for them, while they are made."""
 
     look: Look
-    parts: tuple[tuple[Any, Any], ...]
+    drawing: Drawing
+    making: Parts[None]
 
 
 _handles: list[Any] = []
-# The shader, made once; what was drawn last; and whether a bake is likely, so that the shader is to be made.
+# The shader, made once; what was drawn last, and what is to be drawn next; and whether a bake is likely, so that the
+# shader is to be made.
 _shader: list[Any] = []
 _drawn: list[_Drawn] = []
+_next: list[_Drawn] = []
 _expected: list[bool] = []
 
 
@@ -63,7 +71,7 @@ def detach() -> None:
     """Draw no more."""
     while _handles:
         bpy.types.SpaceView3D.draw_handler_remove(_handles.pop(), "WINDOW")
-    for kept in (_drawn, _shader, _expected):
+    for kept in (_drawn, _next, _shader, _expected):
         kept.clear()
 
 
@@ -79,9 +87,12 @@ def _draw() -> None:
     if not _shader and (_expected or job is not None):
         # Drivers translate a shader when it first draws, if only a point.
         _shader.append(_made())
-        _show(_parts(NOTHING, _shader[0]), context)
+        nothing = _of(NOTHING, _shader[0])
+        whole(nothing.making)
+        _show(nothing.drawing, context)
     if job is None:
         _drawn.clear()
+        _next.clear()
         return
     # Another window may show another scene: what is drawn stays for those that show this one.
     if job.scene_name != context.scene.name:
@@ -89,21 +100,32 @@ def _draw() -> None:
     if job.look is None:
         _drawn.clear()
     elif _drawn:
-        _show(_drawn[0].parts, context)
+        _show(_drawn[0].drawing, context)
+
+
+def is_ready(look: Look | None) -> bool:
+    """Whether what draws a look is there; None needs nothing.
+
+    Before a viewport was drawn once there is no shader, and nothing can be made ready.
+    """
+    return look is None or not _shader or bool(_drawn and _drawn[0].look is look)
 
 
 def prepare(look: Look | None) -> bool:
-    """Make what draws a look, apart from drawing it, so that neither keeps a window for long; whether it is new.
+    """Make some of what draws a look, apart from drawing it, so that neither keeps a window for long; whether all of it
+    is there now."""
+    assert look is not None
+    if not _next or _next[0].look is not look:
+        _next[:] = [_of(look, _shader[0])]
+    try:
+        some(_next[0].making, PART)
+    except StopIteration:
+        _drawn[:] = [_next.pop()]
+        return True
+    return False
 
-    Before a viewport was drawn once there is no shader, and nothing is made.
-    """
-    if look is None or not _shader or (_drawn and _drawn[0].look is look):
-        return False
-    _drawn[:] = [_Drawn(look, tuple(_parts(look, _shader[0])))]
-    return True
 
-
-def _show(parts: Iterable[tuple[Any, Any]], context: Any) -> None:
+def _show(drawing: Drawing, context: Any) -> None:
     """Draw textures and batches into the region of a 3D viewport."""
     import gpu
 
@@ -114,20 +136,25 @@ def _show(parts: Iterable[tuple[Any, Any]], context: Any) -> None:
     shader.uniform_float("view_projection", context.region_data.perspective_matrix)
     shader.uniform_float("nearer", NEARER)
     shader.uniform_float("exposure", 2.0**context.scene.view_settings.exposure)
-    for texture, batch in parts:
+    for texture, batch in drawing:
         shader.uniform_sampler("page", texture)
         batch.draw(shader)
     gpu.state.depth_mask_set(False)
     gpu.state.depth_test_set("NONE")
 
 
-def _parts(look: Look, shader: Any) -> list[tuple[Any, Any]]:
-    parts = []
-    for page in np.unique(look.page):
-        here = np.flatnonzero(look.page == page)
-        pixels = look.pages[page] if page >= 0 else np.ones((1, 1, 3), np.float32)
-        parts.append((_texture(pixels), _batch(look, here, shader)))
-    return parts
+def _of(look: Look, shader: Any) -> _Drawn:
+    drawing: Drawing = []
+    return _Drawn(look, drawing, _making(look, shader, drawing))
+
+
+def _making(look: Look, shader: Any, drawing: Drawing) -> Parts[None]:
+    pages, firsts, counts = np.unique(look.page, return_index=True, return_counts=True)
+    for page, first, count in zip(pages, firsts, counts, strict=True):
+        texture = _texture(look.pages[page] if page >= 0 else np.ones((1, 1, 3), np.float32))
+        for start in range(first, first + count, PIECE):
+            yield
+            drawing.append((texture, _batch(look, slice(start, min(start + PIECE, first + count)), shader)))
 
 
 def _texture(pixels: Any) -> Any:
@@ -140,14 +167,15 @@ def _texture(pixels: Any) -> Any:
     return gpu.types.GPUTexture((width, height), format="RGBA16F", data=values)
 
 
-def _batch(look: Look, here: Any, shader: Any) -> Any:
+def _batch(look: Look, piece: slice, shader: Any) -> Any:
     import gpu
 
-    values = {"position": look.corners[here], "uv": look.uv[here], "colour": look.colour[here],
-              "glow": np.repeat(look.glow[here][:, None], 3, axis=1)}
-    points = gpu.types.GPUVertBuf(shader.format_calc(), 3 * len(here))
+    count = piece.stop - piece.start
+    values = {"position": look.corners[piece], "uv": look.uv[piece], "colour": look.colour[piece],
+              "glow": np.repeat(look.glow[piece], 3, axis=0)}
+    points = gpu.types.GPUVertBuf(shader.format_calc(), 3 * count)
     for name, array in values.items():
-        points.attr_fill(name, np.ascontiguousarray(array.reshape(3 * len(here), -1), np.float32))
+        points.attr_fill(name, np.ascontiguousarray(array.reshape(3 * count, -1), np.float32))
     return gpu.types.GPUBatch(type="TRIS", buf=points)
 
 

@@ -1,8 +1,8 @@
-"""What a render shows, or the viewport, gone through in parts.
+"""What a render shows, gone through in parts.
 
 Blender hands a render's view of the scene out for one call only, so each part asks for it anew, and goes on where the
 last one ended. To ask takes as long as the scene's modifiers do, and lets all viewports draw the scene from its start:
-a part goes on for half as long again at least. What the viewport shows is there already.
+a part goes on for half as long again at least. Where a window's viewport shows the same, that is there already.
 """
 
 from __future__ import annotations
@@ -11,10 +11,9 @@ import time
 from functools import partial
 from typing import Any, Protocol
 
-import bpy
-
 from . import cycles, preview
-from .parts import Parts
+from .parts import ENDLESS, Parts
+from .viewport_match import has_the_same_objects, is_the_same
 
 # A part goes on for as long as it took to begin, times this, however short it is to be: reading takes three times its
 # own seconds at worst.
@@ -44,38 +43,27 @@ class Step(Protocol):
         ...
 
 
-def walk(scene: Any, view_layer: Any, step: Step, part_seconds: float, *, as_rendered: bool = True) -> Parts[None]:
-    """Call `step` with a render's dependency graph, or else the viewport's, part by part, until nothing is left to do.
+def walk(scene: Any, view_layer: Any, step: Step, part_seconds: float, *, roughly: bool = False) -> Parts[None]:
+    """Call `step` with a render's dependency graph, part by part, until nothing is left to do.
 
-    Materials are the user's own, whatever is shown.
+    In a window it is the viewport's if that shows the same; `roughly`, too if it shows the same objects, with whatever
+    modifiers. Materials are the user's own, whatever is shown.
 
     Raises
     ------
     SceneError
         If the view layer is switched off for rendering; and whatever `step` raises.
     """
+    from_viewport = part_seconds < ENDLESS and (has_the_same_objects(view_layer) if roughly
+                                                else is_the_same(scene, view_layer))
     done = False
     while not done:
         now = partial(step, clock=Clock(part_seconds))
         # A view of an older bake would be read as light of its own.
         with preview.suspended():
-            if as_rendered:
-                done = cycles.with_render_depsgraph(scene, view_layer, now)
-            else:
+            if from_viewport:
                 view_layer.update()
                 done = now(view_layer.depsgraph)
+            else:
+                done = cycles.with_render_depsgraph(scene, view_layer, now)
         yield
-
-
-def viewport_shows_the_same(view_layer: Any) -> bool:
-    """Whether the viewport shows those objects that a render does, if not with the same modifiers."""
-    shown = {item for item in view_layer.objects if item.visible_get(view_layer=view_layer)}
-    return shown == _rendered(view_layer.layer_collection)
-
-
-def _rendered(layer: Any) -> set[bpy.types.Object]:
-    """The objects of a layer's collection, and of those in it, that a render shows."""
-    if layer.collection.hide_render:
-        return set()
-    own = () if layer.exclude else layer.collection.objects
-    return {item for item in own if not item.hide_render}.union(*map(_rendered, layer.children))

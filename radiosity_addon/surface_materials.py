@@ -142,16 +142,15 @@ class SurfaceMaterials:
             yield
         self._with_images.clear()
 
-    def materials_to_ask(self, frame: int) -> list[Any]:
-        """The materials that Cycles has to look at in `evaluate`."""
-        return evaluate.materials_to_ask([request for _, request, _ in self._pending], frame)
-
     def evaluate(self, frame: int, elsewhere: Elsewhere | None = None) -> Parts[None]:
         """Let Cycles evaluate what waits for it, a part each, and put it in its place; see `evaluate.evaluate`."""
         if not self._pending:
             return
+        requests = [request for _, request, _ in self._pending]
+        if elsewhere is not None:
+            elsewhere.bring(evaluate.materials_to_ask(requests, frame))
         try:
-            results = yield from evaluate.evaluate([request for _, request, _ in self._pending], frame, elsewhere)
+            results = yield from evaluate.evaluate(requests, frame, elsewhere)
         except RadiosityError as cause:
             for place, _, _ in self._pending:
                 warn(self.warnings, place.material, "material", f"could not be evaluated by Cycles on object "

@@ -30,8 +30,8 @@ class Surfaces:
 
 
 def surface_parts(scene: Any, view_layer: Any, settings: Settings, emissions: Emissions, warnings: Warnings,
-                  convert: bool, part_seconds: float = ENDLESS, *, as_rendered: bool = True) -> Parts[Surfaces]:
-    """Read the meshes and lamps, as a render shows them or as the viewport does; `export.export_parts` has the words.
+                  convert: bool, part_seconds: float = ENDLESS, *, roughly: bool = False) -> Parts[Surfaces]:
+    """Read the meshes and lamps that a render shows; `export.export_parts` has the words, `render_walk.walk` `roughly`.
 
     Raises
     ------
@@ -39,7 +39,7 @@ def surface_parts(scene: Any, view_layer: Any, settings: Settings, emissions: Em
         With the object, the value and the next step; SceneError too if the scene changes between two parts.
     """
     reader = _Reader(settings, emissions, warnings, convert)
-    yield from walk(scene, view_layer, reader.go_on, part_seconds, as_rendered=as_rendered)
+    yield from walk(scene, view_layer, reader.go_on, part_seconds, roughly=roughly)
     return Surfaces(reader.assembly, reader.bindings, reader.lamps)
 
 

@@ -42,7 +42,7 @@ def world_parts(world: Any, warnings: Warnings, size: Map | None = None, part_se
     Parameters
     ----------
     size, part_seconds : as `world_render.map_parts`; None for what a bake needs.
-    elsewhere : another Blender that knows the world; None: Cycles works in this one.
+    elsewhere : another Blender; with None, and a world that it does not know, Cycles works in this one.
 
     Returns
     -------
@@ -61,6 +61,8 @@ def world_parts(world: Any, warnings: Warnings, size: Map | None = None, part_se
     flat = _constant(world, warnings)
     if flat is None:
         wanted = size or world_render.fine_map(world)
+        if elsewhere is not None and not elsewhere.knows(world):
+            elsewhere = None
         if elsewhere is None:
             radiance = yield from world_render.map_parts(world, wanted, part_seconds)
         else:

@@ -25,8 +25,8 @@ Float = NDArray[np.floating[Any]]
 Int = NDArray[np.integer[Any]]
 Progress = Callable[[float], None]
 
-# Triangles flattened in one call: long enough to be efficient, short enough to be cancelled (a second or two).
-BATCH = 50_000
+# Triangles flattened in one call: xatlas keeps the interpreter meanwhile, and a window with it (.04 s).
+BATCH = 500
 # The page on which xatlas packs charts while flattening is thrown away: small, so that it costs little.
 DRAFT_PAGE = 16
 # xatlas takes triangles for empty by absolute sizes (1.2e-7 area, 1e-4 length): each piece is scaled to this mean

@@ -26,6 +26,8 @@ SLOW_NOTICE = "embreex is missing on this platform: rays are cast by NumPy, whic
 OFFSET = 2.0**-18
 # A shadow ray ends this part of its length before the lamp's surface, for the same reason.
 SHORTEN = 1e-4
+# Triangles that Embree is given at once: embreex keeps the interpreter meanwhile, and a window with it (6 ms).
+MOST_AT_ONCE = 2**12
 # Pairs of ray and triangle that the NumPy caster tests at once.
 _PAIRS = 2**22
 
@@ -48,15 +50,18 @@ class Visibility:
     ----------
     corners : (t, 3, 3) float32, metres.
     embree : False forces the NumPy caster (for tests).
+    at_once : triangles that Embree is given at once (for tests).
     """
 
-    def __init__(self, corners: Float, embree: bool = True) -> None:
+    def __init__(self, corners: Float, embree: bool = True, at_once: int = MOST_AT_ONCE) -> None:
         self._corners = np.ascontiguousarray(corners, np.float32)
         self.notice = "" if embree and EmbreeScene is not None else SLOW_NOTICE
         self._scene = None
         if not self.notice and len(corners):
             self._scene = EmbreeScene()
-            self._mesh = TriangleMesh(self._scene, self._corners)
+            self._firsts = np.arange(0, len(corners), at_once, dtype=np.int32)
+            self._meshes = [TriangleMesh(self._scene, self._corners[first:first + at_once])
+                            for first in self._firsts]
             # Embree builds its tree with the first ray; do it here, before threads share it.
             self._scene.run(np.zeros((1, 3), np.float32), np.array([[0, 0, 1]], np.float32))
 
@@ -67,7 +72,16 @@ class Visibility:
         found = self._scene.run(origins, directions, output=True)
         normal = found["Ng"]
         facing = np.einsum("ij,ij->i", normal, directions)
-        return Hits(found["primID"], found["u"], found["v"], found["tfar"], facing < 0)
+        return Hits(self._triangle(found), found["u"], found["v"], found["tfar"], facing < 0)
+
+    def _triangle(self, found: dict[str, NDArray[Any]]) -> NDArray[np.int32]:
+        """(n,) of the whole scene, from Embree's numbers of mesh and triangle in it; -1 where there is none."""
+        triangle: NDArray[np.int32] = found["primID"]
+        if len(self._firsts) > 1:
+            first = np.take(self._firsts, found["geomID"], mode="wrap")
+            first[triangle < 0] = 0
+            triangle += first
+        return triangle
 
     def occluded(self, origins: Float, directions: Float, distances: Float) -> NDArray[np.bool_]:
         """Whether anything lies within the distances: (n,) bool."""

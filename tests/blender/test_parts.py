@@ -150,9 +150,10 @@ def test_what_cycles_evaluates_in_another_blender_is_what_it_evaluates_here(scen
 
 def test_another_blender_that_fails_is_told_of_and_leaves_nothing(scene):
     # It is ended from outside before it can answer. Exact answer: an error with its exit code, and no folder.
-    elsewhere = Elsewhere([scene.world])
+    elsewhere = Elsewhere()
     folder = Path(elsewhere._folder.name)
     try:
+        elsewhere.bring([scene.world])
         elsewhere._process.kill()
         with pytest.raises(RadiosityError, match=r"another Blender, .* failed \(exit code"):
             whole(elsewhere.ask(do="map", world=scene.world.name, size=(8, 4, 1)))

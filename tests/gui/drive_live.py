@@ -1,17 +1,18 @@
 """Run by Blender in its window: watches bakes by mouse, ends them in every way, and times the window meanwhile.
 
 Started as `drive.py` is, with a job of tab, shots, settings, fingerprint and result. Its results: the longest times
-that the window did not answer, by what went on ("idle" is before any bake, "write" the end of one), and the longest of
-these that the extension itself had the window's thread work, in one go; seconds by the clock, and of threads, from the
-button until the first look is drawn; seconds from Esc to the end; how the file differs afterwards; what the report says
-of a kept draft. At the end Blender is quit in the middle of a bake. With "short" in the job, one bake alone is watched,
-up to its work, then cancelled.
+that the window did not answer, by what went on ("idle" is before any bake, "write" the end of one), the longest of
+these that the extension itself had the window's thread work, in one go, and the longest that another thread waited for
+the interpreter; seconds by the clock, and of threads, from the button until the first look is drawn; seconds from Esc
+to the end; how the file differs afterwards; what the report says of a kept draft. At the end Blender is quit in the
+middle of a bake. With "short" in the job, one bake alone is watched, up to its work, then cancelled.
 """
 
 from __future__ import annotations
 
 import json
 import os
+import resource
 import sys
 import threading
 import time
@@ -27,6 +28,8 @@ import drive  # type: ignore[import-not-found]
 
 # Seconds between two looks at the window, that it is watched idle, and that anything may take.
 TICK, IDLE, LONGEST = 0.01, 3.0, 240.0
+# Seconds between two times that a thread asks for the interpreter.
+ASKED = 0.005
 # Times that the button is pressed until it takes.
 TRIES = 3
 # Seconds for a new look to be drawn in software.
@@ -35,12 +38,15 @@ SHOWN = 3.0
 TICKS = os.sysconf("SC_CLK_TCK")
 GAPS: dict[str, float] = {}
 OWN: dict[str, float] = {}
+HELD: dict[str, float] = {}
 # Seconds of threads that have ended, by kind, and of the window's thread in our code; times that a viewport was drawn.
 SPENT: dict[str, float] = {}
 # Seconds that Blender's threads, and all of the machine's, had worked when the button was pressed; the titles of looks
 # that a viewport has drawn since.
 PRESSED: dict[str, float] = {}
 DRAWN: set[str] = set()
+# The titles of looks that there were since.
+TITLES: list[str] = []
 
 
 def module(name: str) -> Any:
@@ -59,13 +65,17 @@ def time_own_calls() -> None:
 
     def timed(call: Callable[..., Any], name: str) -> Callable[..., Any]:
         def with_clock(*arguments: Any) -> Any:
-            job, begun, result = current(), time.thread_time(), None
+            # A software driver takes its memory as it first draws a look, which a graphics card has by itself, and a
+            # virtual machine may be slow to hand it out: of drawing, what the kernel does is left out.
+            clock = user_time if name == "draw" else time.thread_time
+            job, begun, result = current(), clock(), None
+            TITLES.extend(filter(None, [title()]))
             stage = "idle" if job is None else name or job.progress.stage
             try:
                 result = call(*arguments)
             finally:
                 what = stage if result is None else "write"
-                taken = time.thread_time() - begun
+                taken = clock() - begun
                 OWN[what] = max(OWN.get(what, 0.0), taken)
                 SPENT["window"] = SPENT.get("window", 0.0) + taken
             return result
@@ -77,6 +87,11 @@ def time_own_calls() -> None:
     overlay.detach()
     overlay._draw = counted(timed(overlay._draw, "draw"))
     overlay.attach()
+
+
+def user_time() -> float:
+    """Seconds that this thread has worked outside of the kernel."""
+    return resource.getrusage(resource.RUSAGE_THREAD).ru_utime
 
 
 def counted(call: Callable[..., Any]) -> Callable[..., Any]:
@@ -93,8 +108,9 @@ def noted(call: Callable[..., Any]) -> Callable[..., Any]:
     """Note what had been worked when a bake begins."""
     def with_note(*arguments: Any) -> Any:
         DRAWN.clear()
+        TITLES.clear()
         SPENT.clear()
-        PRESSED.update(blender=time.process_time(), machine=worked())
+        PRESSED.update(blender=time.process_time(), helpers=helped(), machine=worked())
         return call(*arguments)
 
     return with_note
@@ -104,6 +120,32 @@ def worked() -> float:
     """Seconds that the machine's cores have worked, or were kept by others of the host's."""
     user, nice, system, _, _, *interrupts = Path("/proc/stat").read_text(encoding="ascii").split("\n")[0].split()[1:9]
     return sum(map(int, (user, nice, system, *interrupts))) / TICKS
+
+
+def helped() -> float:
+    """Seconds that Blender's child processes have worked, those that have ended included."""
+    ticks = 0
+    for stat in Path("/proc").glob("[0-9]*/stat"):
+        try:
+            _, parent, *fields = stat.read_text(encoding="ascii", errors="replace").rpartition(")")[2].split()
+        except OSError:
+            continue
+        if int(parent) == os.getpid():
+            ticks += int(fields[9]) + int(fields[10])
+    ended = os.times()
+    return ticks / TICKS + ended.children_user + ended.children_system
+
+
+def watch_interpreter() -> None:
+    """Note how long a thread waits for the interpreter, by what goes on."""
+    def ask() -> None:
+        while True:
+            job, begun = current(), time.monotonic()
+            time.sleep(ASKED)
+            what = "idle" if job is None else job.progress.stage
+            HELD[what] = max(HELD.get(what, 0.0), time.monotonic() - begun - ASKED)
+
+    threading.Thread(target=ask, name="watch", daemon=True).start()
 
 
 def time_threads() -> None:
@@ -177,7 +219,8 @@ def cancelled(before: Any) -> Iterator[float]:
     yield from watch(lambda: "first look" in DRAWN)
     drive.SEEN["seconds_to_look"], machine = current().progress.elapsed, worked() - PRESSED["machine"]
     SPENT["blender"] = time.process_time() - PRESSED["blender"]
-    drive.SEEN["spent_to_look"] = {**SPENT, "others": machine - SPENT["blender"]}
+    SPENT["helpers"] = helped() - PRESSED["helpers"]
+    drive.SEEN["spent_to_look"] = {**SPENT, "others": machine - SPENT["blender"] - SPENT["helpers"]}
     yield SHOWN
     yield from drive.shot("large-1-first-look" if drive.JOB.get("short") else "live-1-first-look")
     if drive.JOB.get("short"):
@@ -203,14 +246,8 @@ def kept(before: Any) -> Iterator[float]:
     yield from start()
     yield from watch(lambda: title().startswith("error"))
     yield from drive.press_button("radiosity.good_enough")
-    titles: list[str] = []
-
-    def ended() -> bool:
-        titles.extend(filter(None, [title()]))
-        return current() is None
-
-    yield from watch(ended)
-    drive.SEEN["kept"] = titles[-1]
+    yield from watch(lambda: current() is None)
+    drive.SEEN["kept"] = TITLES[-1]
     yield from drive.shot("live-4-kept")
     report = json.loads((Path(bpy.data.filepath).parent / "lightmaps" / "report.json").read_text(encoding="utf-8"))
     drive.SEEN["report"] = {name: report.get(name) for name in ("error", "good_enough", "outputs", "stages")}
@@ -235,6 +272,7 @@ def steps() -> Iterator[float]:
         setattr(bpy.context.scene.radiosity, name, value)
     time_own_calls()
     time_threads()
+    watch_interpreter()
     yield from drive.open_tab(drive.JOB["tab"])
     yield from drive.view_camera()
     over = time.monotonic() + IDLE
@@ -264,7 +302,7 @@ def tick() -> float | None:
     except Exception:  # noqa: BLE001 - whatever went wrong belongs into the result, and the window must close
         error = traceback.format_exc()
         drive.photograph("live-error")
-    seen = {**drive.SEEN, "gaps": GAPS, "own": OWN}
+    seen = {**drive.SEEN, "gaps": GAPS, "own": OWN, "held": HELD}
     Path(drive.JOB["result"]).write_text(json.dumps({"error": error, "seen": seen}), encoding="utf-8")
     bpy.ops.wm.quit_blender()
     return None

@@ -34,6 +34,14 @@ def seen(linux_zip: Path, tmp_path_factory: pytest.TempPathFactory, real_blender
     return watch(folder, scene, {"short": True, "settings": {"preset": "medium", "resolution": 512}}, SMALL)[0]
 
 
+def quiet_or_skip(seen: dict[str, Any]) -> None:
+    """Skip the test where other programs work too: then the clock's seconds are not Blender's own."""
+    others = seen["spent_to_look"]["others"] / seen["seconds_to_look"]
+    if others > OTHERS:
+        pytest.skip(f"other programs use {others:.1f} cores: the first look took {seen['seconds_to_look']:.1f} s, of "
+                    f"which Blender's threads worked {seen['spent_to_look']['blender']:.1f} s, drawing included")
+
+
 def test_the_window_is_never_kept_for_long(seen: dict[str, Any]) -> None:
     # Every call of ours in the window's thread, reading included, in seconds of that thread.
     assert {"export", "draft", "draw"} <= set(seen["own"])
@@ -42,19 +50,23 @@ def test_the_window_is_never_kept_for_long(seen: dict[str, Any]) -> None:
     assert late == {}
 
 
+def test_the_interpreter_is_never_kept_for_long(seen: dict[str, Any]) -> None:
+    # What the worker calls may keep Python's lock, and the window waits for it: by the clock, another thread's wait.
+    quiet_or_skip(seen)
+    assert {"export", "unwrap", "draft"} <= set(seen["held"])
+    assert {what: seconds for what, seconds in seen["held"].items() if seconds > LONGEST_CALL and what != "idle"} == {}
+
+
 def test_the_whole_scene_is_shown_within_two_seconds_of_work(seen: dict[str, Any]) -> None:
     # From the button until the first look is drawn, all of Python's threads and our calls one after another: what a
     # machine with one idle core would need. Drawing, which is software here, is not in it.
-    apart = {"drawn", "blender", "others"}
+    apart = {"drawn", "blender", "helpers", "others"}
     assert sum(seconds for what, seconds in seen["spent_to_look"].items() if what not in apart) < LOOK
 
 
 def test_the_whole_scene_is_shown_within_two_seconds(seen: dict[str, Any]) -> None:
     # By the clock, from the button until the first look is on the screen, every drawing of the window included.
-    others = seen["spent_to_look"]["others"] / seen["seconds_to_look"]
-    if others > OTHERS:
-        pytest.skip(f"other programs use {others:.1f} cores: it took {seen['seconds_to_look']:.1f} s, of which "
-                    f"Blender's threads worked {seen['spent_to_look']['blender']:.1f} s, drawing included")
+    quiet_or_skip(seen)
     assert seen["seconds_to_look"] < LOOK
 
 

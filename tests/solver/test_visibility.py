@@ -41,6 +41,18 @@ def test_both_casters_meet_the_same_triangles_at_the_same_places(cloud):
     assert np.array_equal(one.front[met], other.front[met])
 
 
+@pytest.mark.parametrize("at_once", [1, 7, 199, 200, 4096])
+def test_what_rays_meet_is_the_same_however_many_triangles_embree_is_given_at_once(cloud, at_once):
+    # One tree over all of them: equal to the bit, numbers of the triangles included.
+    whole, _, origins, directions = cloud
+    parts = Visibility(whole._corners, at_once=at_once)
+    one, other = parts.hits(origins, directions), whole.hits(origins, directions)
+    for name in ("triangle", "u", "v", "distance", "front"):
+        assert np.array_equal(getattr(one, name), getattr(other, name)), name
+    near = np.full(RAYS, 0.5, np.float32)
+    assert np.array_equal(parts.occluded(origins, directions, near), whole.occluded(origins, directions, near))
+
+
 def test_both_casters_miss_with_the_same_words(cloud):
     # A missed ray has triangle -1 in either.
     for caster in cloud[:2]:
