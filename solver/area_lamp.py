@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from . import cap
 from .lamp_checks import put, spectrum, vector, within
-from .lights import LightSample, aimed, dot
+from .lights import LightSample, aimed, combined, dot
 from .polygon import polygon_form_factor
 
 Float = NDArray[np.floating[Any]]
@@ -108,7 +108,7 @@ class Area:
         """Points spread evenly over the lamp, or over the part of its plane that the spread lets a receiver see."""
         across = np.stack(cap.disc(uv), axis=1) / 2 if self.round else uv - np.float32(0.5)
         axes = np.stack([self.axis_u, self.axis_v]).astype(np.float32)
-        target = self.centre.astype(np.float32) + across @ axes
+        target = self.centre.astype(np.float32) + combined(across, axes)
         if self.spread == np.pi or self.area == 0:
             return aimed(points, normals, target, self.normal.astype(np.float32), two_sided=False)
         target, scale = self._narrowed(points, uv, target)
@@ -134,7 +134,7 @@ class Area:
     def _slats(self, towards_lamp: Float) -> Float:
         """Radiance in each direction over the mean radiance flux / (pi area)."""
         normal = self.normal.astype(np.float32)
-        cosine = -(towards_lamp @ normal)
+        cosine = -dot(towards_lamp, normal)
         # Not from 1 - cosine^2, which has no digits left on narrow beams.
         across = towards_lamp + cosine[:, None] * normal
         tangent = np.sqrt(dot(across, across)) / np.maximum(cosine, np.float32(1e-6))
@@ -144,7 +144,7 @@ class Area:
         """Targets on the circle of the lamp's plane that the spread lets each point see, where it is smaller than the
         lamp; and that circle's area over the lamp's (0 off the lamp)."""
         normal = self.normal.astype(np.float32)
-        height = (points - self.centre.astype(np.float32)) @ normal
+        height = dot(points - self.centre.astype(np.float32), normal)
         reach = np.maximum(height, 0) * np.float32(self._tangent)
         ratio = np.pi * reach**2 / np.float32(self.area)
         side = np.array(self.axis_u / np.linalg.norm(self.axis_u), np.float32)
@@ -152,7 +152,7 @@ class Area:
         foot = points - height[:, None] * normal
         on_circle = foot + (reach * x)[:, None] * side + (reach * y)[:, None] * np.cross(normal, side)
         dual = np.linalg.pinv(np.stack([self.axis_u, self.axis_v])).astype(np.float32)
-        across = (on_circle - self.centre.astype(np.float32)) @ dual
+        across = combined(on_circle - self.centre.astype(np.float32), dual)
         on_lamp = (across**2).sum(axis=1) <= 0.25 if self.round else np.abs(across).max(axis=1) <= 0.5
         narrow = ratio < 1
         return (np.where(narrow[:, None], on_circle, target),

@@ -60,7 +60,7 @@ class Sun:
 
     def irradiance(self, points: Float, normals: Float) -> Float:
         """Unoccluded irradiance (n, 3) float32, W/m2; the disc is cut at the surface's horizon."""
-        cosine = -(normals @ self.direction.astype(np.float32))
+        cosine = -dot(normals, self.direction.astype(np.float32))
         return _round_irradiance(cosine, self._sine_squared)[:, None] * self.colour
 
     def sample(self, points: Float, normals: Float, uv: Float) -> LightSample:

@@ -60,7 +60,7 @@ def interleaved(texel: Int, identity: Int, seed: int) -> Float:
     texel : (n, 2) column and row in the image.
     identity : (n,) what has a shift in common.
     """
-    return np.asarray((texel @ ACROSS_IMAGE + shifts(identity, 2, seed)) % 1.0, np.float32)
+    return np.asarray((np.einsum("nk,kc->nc", texel, ACROSS_IMAGE) + shifts(identity, 2, seed)) % 1.0, np.float32)
 
 
 def mixed(identity: NDArray[Any], dimension: int, seed: int) -> NDArray[np.uint64]:

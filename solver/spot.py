@@ -17,7 +17,7 @@ from . import cap
 from .errors import SceneError
 from .lamp_checks import put, unit_vector, within
 from .lamps import Point, View
-from .lights import LightSample, dot
+from .lights import LightSample, combined, dot
 
 Float = NDArray[np.floating[Any]]
 
@@ -107,7 +107,7 @@ class Spot(Point):
 
     def _local_cosine(self, towards_lamp: Float) -> Float:
         """Cosine to the cone's axis in the lamp's frame, of (n, 3) directions from the receivers to the lamp."""
-        local = towards_lamp @ np.linalg.inv(self.frame).T.astype(np.float32)  # type: ignore[arg-type]
+        local = combined(towards_lamp, np.linalg.inv(self.frame).T.astype(np.float32))  # type: ignore[arg-type]
         return np.asarray(local[:, 2] / np.maximum(np.sqrt(dot(local, local)), np.finfo(np.float32).tiny))
 
     def attenuation(self, towards_lamp: Float) -> Float:

@@ -21,6 +21,8 @@ Int = NDArray[np.integer[Any]]
 CHUNK = 2**18
 # Fewer rays than this are not worth a thread.
 LEAST = 2**14
+# Rays that one product adds up: BLAS shares longer ones out to the machine's cores, and bits would depend on these.
+RUN = 2**10
 
 
 def padded(values: Float, last: Float | None = None) -> Float:
@@ -34,7 +36,9 @@ def padded(values: Float, last: Float | None = None) -> Float:
 
 def mean_over_rays(values: Float, count: int) -> Float:
     """(n, 3): means over runs of `count` rows of values (n * count, 4)."""
-    return np.asarray(np.matmul(_weights(count), values.reshape(-1, count, 4))[:, 0, :3])
+    rows, weights = values.reshape(-1, count, 4), _weights(count)
+    sums = [np.matmul(weights[:, :, first:first + RUN], rows[:, first:first + RUN]) for first in range(0, count, RUN)]
+    return np.asarray(sum(sums[1:], sums[0])[:, 0, :3])
 
 
 def mean_of_hits(table: Float, hits: NDArray[np.int32], run: Run) -> Float:

@@ -2,10 +2,16 @@
 
 from __future__ import annotations
 
+import hashlib
+import os
+import subprocess
+import sys
+
 import numpy as np
 import pytest
-from radiosity.solver import Settings, Sky, bake
+from radiosity.solver import Settings, Sky, bake, tables
 from radiosity.solver.lamps import Point
+from radiosity.solver.lights import combined
 from radiosity.tests.solver.rooms import CEILING, box, quad, shape
 
 
@@ -45,6 +51,23 @@ def test_one_thread_and_two_bake_the_same_corner_colours(by_two):
 def test_one_thread_and_two_bake_the_same_images():
     # Lumels have what corners lack: an atlas, neighbours, smoothing, dilation.
     _same(*(bake(_scene(), Settings(error=0.1, threads=threads, texel_density=6.0)) for threads in (1, 2)))
+
+
+def products():
+    """What the solver's products over many rays come to, as a hash."""
+    rng = np.random.default_rng(3)
+    long = [tables.mean_over_rays(rng.random((2**16, 4), np.float32), 2**power) for power in range(4, 17)]
+    points, axes = rng.random((99_999, 3), np.float32), rng.random((3, 3), np.float32)
+    return hashlib.sha256(b"".join(each.tobytes() for each in (*long, combined(points, axes)))).hexdigest()
+
+
+def test_libraries_with_one_thread_and_two_leave_the_same_bits():
+    # NumPy's BLAS shares products out to as many threads as the machine has cores, and adds up in another order then.
+    code = "from radiosity.tests.solver.test_determinism import products; print(products())"
+    names = ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS", "VECLIB_MAXIMUM_THREADS")
+    one, two = (subprocess.run([sys.executable, "-c", code], check=True, capture_output=True, text=True,
+                               env={**os.environ, **dict.fromkeys(names, threads)}).stdout for threads in ("1", "2"))
+    assert one == two
 
 
 def test_another_seed_bakes_other_noise(by_two):
