@@ -9,6 +9,7 @@ grows as v_i^(1 / (1 + RATE)).
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -18,10 +19,11 @@ from numpy.typing import NDArray
 from .estimator import TRIMMED_FRACTION
 from .fans import Fans
 from .gather import Gather, Look
+from .kernels import Kernels, kernels
 from .neighbours import Neighbours
 from .parallel import Run
 from .plan import Plan
-from .remaining import remaining
+from .remaining import remaining, remaining_after
 from .smooth import light_of, smooth
 from .transport import Transport
 
@@ -80,26 +82,27 @@ def gather_adaptively(transport: Transport, fans: Fans, plan: Plan, level: float
     """
     gather = Gather(transport, PEAK * usual)
     # Every look is smoothed, and its error told, with the same neighbours.
-    neighbours = neighbours and neighbours.kept()
+    near = None if neighbours is None else kernels(fans.receivers, neighbours, run)
     half = plan.gather_rays // 2
     rays = np.full(len(fans), half, np.int64)
     looks = gather.light(fans, _both(np.arange(len(fans)), half, 0, seed), run)
-    error = _error(looks, fans, neighbours, run)
+    errors = _errors(looks, near, run)
     for _ in range(MOST_ROUNDS):
+        error = np.sum(errors, axis=0)
         light = (looks[0] + looks[1]).sum(axis=1)[:, :6].mean()
         # Above zero, also where all is dark and nothing is left to be wanted.
         wanted = max((plan.gather_error * (level + float(light))) ** 2, DARK)
         most = MOST_FACTOR * half / rays
         factor = _speckle_factors(error, wanted, most)
         if _mean(error) > wanted * CLOSE_ENOUGH**2:
-            factor = np.maximum(factor, _factors(_known(error, neighbours), wanted, most))
+            factor = np.maximum(factor, _factors(_known(error, near), wanted, most))
         if not (factor > 1).any():
             break
         _go_on(gather, fans, looks, rays, factor, seed, run)
-        error = _error(looks, fans, neighbours, run)
-    smoothed = [_smoothed(*part, fans, neighbours, run, rare=bool(number)) for number, part in enumerate(_parts(looks))]
+        errors = _errors(looks, near, run, np.flatnonzero(factor > 1), errors)
+    smoothed = [_smoothed(*part, near, run, rare=bool(number)) for number, part in enumerate(_parts(looks))]
     value = np.sum(smoothed, axis=0) / 2
-    return Gathered(value[:, :3], value[:, 3:6], value[:, 6:], error)
+    return Gathered(value[:, :3], value[:, 3:6], value[:, 6:], np.sum(errors, axis=0))
 
 
 def _mean(error: Float) -> float:
@@ -135,24 +138,28 @@ def _parts(looks: list[Float]) -> list[tuple[Float, Float]]:
     return [(np.ascontiguousarray(first[:, part]), np.ascontiguousarray(second[:, part])) for part in range(count)]
 
 
-def _smoothed(first: Float, second: Float, fans: Fans, neighbours: Neighbours | None, run: Run, *, rare: bool) -> Float:
+def _smoothed(first: Float, second: Float, near: Kernels | None, run: Run, *, rare: bool) -> Float:
     """The sum of two looks, smoothed if neighbours are known."""
-    if neighbours is not None:
-        first, second = smooth(first, second, fans.receivers, neighbours, run, rare=rare)
+    if near is not None:
+        first, second = smooth(first, second, near, run, rare=rare)
     return first + second
 
 
-def _error(looks: list[Float], fans: Fans, neighbours: Neighbours | None, run: Run) -> Float:
-    """(n,) mean square error of the mean of two looks, W2/m4."""
-    if neighbours is None:
-        difference = light_of((looks[0] - looks[1]).sum(axis=1))
-        return np.asarray(np.square(difference).mean(axis=1) / 4)
-    return np.asarray(np.sum([remaining(*part, fans.receivers, neighbours, run) for part in _parts(looks)], axis=0))
+def _errors(looks: list[Float], near: Kernels | None, run: Run, changed: Int | None = None,
+            before: Sequence[Float] = ()) -> list[Float]:
+    """(n,) mean square error of the mean of two looks, W2/m4, of each of their parts; from those before some receivers'
+    looks changed, if these are given."""
+    if near is None:
+        return [np.asarray(np.square(light_of((looks[0] - looks[1]).sum(axis=1))).mean(axis=1) / 4)]
+    parts = _parts(looks)
+    if changed is None or len(before) != len(parts):
+        return [remaining(*part, near, run) for part in parts]
+    return [remaining_after(*part, changed, known, near, run) for part, known in zip(parts, before, strict=True)]
 
 
-def _known(error: Float, neighbours: Neighbours | None) -> Float:
+def _known(error: Float, near: Kernels | None) -> Float:
     """(n,) float64: errors with a part of their mean over all."""
-    prior = LONE_PRIOR if neighbours is None else PRIOR
+    prior = LONE_PRIOR if near is None else PRIOR
     return np.asarray((1 - prior) * error + prior * error.mean(), np.float64)
 
 

@@ -87,7 +87,7 @@ class ReceiverFootprints:
     def __len__(self) -> int:
         return len(self.receivers)
 
-    @property
+    @cached_property
     def surface(self) -> Int:
         """See Footprints."""
         if self.receivers.surface is not None:
@@ -182,7 +182,7 @@ class CellFootprints(EachPoint):
     def __len__(self) -> int:
         return len(self.identity)
 
-    @property
+    @cached_property
     def surface(self) -> Int:
         """See Footprints."""
         return self.cells.geometry.surface[self.cells.triangle_of(self.sides)]

@@ -23,7 +23,6 @@ class Neighbours:
     def __init__(self, lumels: Lumels, links: Links | None = None) -> None:
         self._lumels, self._links = lumels, links
         self._apart: NDArray[np.bool_] | None = None
-        self._kept: dict[int, NDArray[np.int32]] | None = None
         self._members = [np.flatnonzero(lumels.page == number) for number in range(len(lumels.pages))]
 
     def without(self, apart: NDArray[np.bool_]) -> Neighbours:
@@ -32,21 +31,8 @@ class Neighbours:
         other._apart = apart if self._apart is None else apart | self._apart
         return other
 
-    def kept(self) -> Neighbours:
-        """The same, remembering what was asked for: 32 bytes a lumel and step."""
-        other = copy(self)
-        other._kept = {}
-        return other
-
     def at(self, step: int) -> NDArray[np.int32]:
         """(n, 8) int32: the lumels `step` texels away, sideways and diagonally; -1 where there is none."""
-        if self._kept is None:
-            return self._found(step)
-        if step not in self._kept:
-            self._kept[step] = self._found(step)
-        return self._kept[step]
-
-    def _found(self, step: int) -> NDArray[np.int32]:
         out = self.in_chart(step)
         if self._links is not None:
             out = self._beyond(out, step, self._links)

@@ -16,6 +16,7 @@ from .across import links
 from .errors import SettingsError
 from .finish import finished
 from .groups import KEPT_AS, GroupLight, shown
+from .kernels import kernels
 from .layout import Layout
 from .lumels import lumels as lay_out
 from .mixing import Layer, mix
@@ -145,7 +146,7 @@ def _smoothed(looks: Sequence[Float], receivers: Receivers, near: Neighbours, ru
     """The mean of two looks at a change, smoothed as gathered light is, and a sample of its error."""
     nothing = np.zeros_like(looks[0])
     first, second = (np.concatenate([nothing, look], axis=1) for look in looks)
-    first, second = smooth(first, second, receivers, near, run)
+    first, second = smooth(first, second, kernels(receivers, near, run), run)
     return (first + second)[:, 3:6] / 2, (first - second)[:, 3:6] / 2
 
 

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from radiosity.solver.across import WAYS, links
 from radiosity.solver.lumels import lumels
+from radiosity.solver.kernels import kernels
 from radiosity.solver.neighbours import Neighbours
 from radiosity.solver.parallel import Run
 from radiosity.solver.seam_samples import seam_samples
@@ -80,6 +81,6 @@ def test_smoothing_goes_on_beyond_a_seam():
     row, way = np.nonzero((found >= 0) & (inside < 0))
     steps = []
     for neighbours in (Neighbours(laid), near):
-        value = sum(smooth(*looks, receivers, neighbours, Run(1)))[:, 3] / 2
+        value = sum(smooth(*looks, kernels(receivers, neighbours, Run(1)), Run(1)))[:, 3] / 2
         steps.append(np.abs(value[found[row, way]] - value[row]).mean())
     assert steps[1] < steps[0] * 2 / 3

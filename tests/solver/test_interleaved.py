@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from radiosity.solver.kernels import STEPS
 from radiosity.solver.sampling import interleaved, kronecker, rays_of_places, shifted, shifts
-from radiosity.solver.smooth import STEPS
 
 
 def _half_planes(points):

@@ -37,16 +37,6 @@ def test_neighbours_do_not_wrap_around_the_image():
         assert set(np.abs(x[other] - x[row])) | set(np.abs(y[other] - y[row])) == {0, step}
 
 
-def test_kept_neighbours_are_the_same_and_found_once():
-    # 4 x 4 pixels, two of which are left out.
-    near = Neighbours(lumels(4, 4, range(16))).without(np.arange(16) < 2)
-    kept = near.kept()
-    for step in (1, 2):
-        assert np.array_equal(kept.at(step), near.at(step))
-        assert kept.at(step) is kept.at(step)
-    assert near.at(1) is not near.at(1)
-
-
 def test_every_pair_knows_one_another():
     # Random lumels of a 20 x 13 image in three charts: j is i's neighbour one way, i is j's the other way.
     rng = np.random.default_rng(3)
