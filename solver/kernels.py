@@ -1,7 +1,7 @@
 """The wavelet filter of gathered light where nothing but the layout decides: neighbours and their weights.
 
-Made once for all passes over the same receivers: weights by the angle between normals, for the steps of an edge-avoiding
-wavelet (Dammertz, Sewtz, Hanika & Lensch 2010).
+Made once for all passes over the same receivers: weights by the angle between normals, for the steps of an
+edge-avoiding wavelet (Dammertz, Sewtz, Hanika & Lensch 2010).
 """
 
 from __future__ import annotations

@@ -17,6 +17,10 @@ LEAST_SHARE = 0.02
 # Most rays of a usual row (`row_starts.py` gives some more, others fewer).
 MOST_ROW_RAYS = 1024
 
+# Rows have at least this part of the gather's rays: beside those of many receivers they are few, and along edges
+# receivers see little else than one patch.
+ROW_SHARE = 1 / 16
+
 # Most rays of all receivers in the pilot.
 MOST_PILOT_RAYS = 2**18
 
@@ -81,7 +85,7 @@ def plan(error: float, distance: float, bounced: float, receivers: int) -> Plan:
         patches=int(6000 * finer),
         smallest_patch=SMALLEST_PATCH_SHARE * distance,
         cell_size=CELL_SHARE * distance / finer**0.5,
-        row_rays=(int(2**20 * finer), int(np.clip(48 * finer, 32, 128))),
+        row_rays=(int(max(2**20 * finer, ROW_SHARE * receivers * gather)), int(np.clip(48 * finer, 32, 128))),
         gather_rays=gather,
         gather_error=0.7 * error,
         direct_error=0.2 * error,

@@ -5,8 +5,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from radiosity.solver.across import WAYS, links
-from radiosity.solver.lumels import lumels
 from radiosity.solver.kernels import kernels
+from radiosity.solver.lumels import lumels
 from radiosity.solver.neighbours import Neighbours
 from radiosity.solver.parallel import Run
 from radiosity.solver.seam_samples import seam_samples

@@ -17,7 +17,7 @@ SETTINGS = Settings(error=0.1, threads=2, texel_density=5.0)
 CHUNKS = {
     "transport.CHUNK_RAYS": 2**11, "gather.CHUNK_RAYS": 3000, "direct.CHUNK_RAYS": 2**11, "met_cells.CHUNK_CELLS": 999,
     "seen.CHUNK_POINTS": 555, "inside.CHUNK_RAYS": 500, "lumels.CHUNK": 333, "polygon.CHUNK": 100, "blocks.CHUNK": 77,
-    "smooth.CHUNK": 100, "tables.CHUNK": 1000, "raster.ROW_CHUNK": 10, "raster.PIXEL_CHUNK": 1000, "mixing.CHUNK": 999,
+    "kernels.CHUNK": 100, "tables.CHUNK": 1000, "raster.ROW_CHUNK": 10, "raster.PIXEL_CHUNK": 1000, "mixing.CHUNK": 999,
 }
 
 
