@@ -26,7 +26,7 @@ from .across import links
 from .adaptive import gather_adaptively
 from .audit import Auditor, Truth, error_bar
 from .cells import Cells
-from .closure import patch_table
+from .closure import PatchTable, patch_table
 from .direct import PILOT_RAYS as PILOT
 from .direct import DirectLight
 from .energy import EnergyBalance, energy_balance
@@ -261,9 +261,12 @@ class _Work:
         bounced = MORE_BOUNCES * once + looks.bounced
         return bounced / max(self.lamps + looks.straight + bounced, 1e-30)
 
-    def energy(self) -> AbstractContextManager[Callable[[], EnergyBalance]]:
-        """The scene's energy, added up beside what is done meanwhile."""
-        return self.run.beside("energy", partial(energy_balance, self.transported, self.settings.seed))
+    def patch_figures(self) -> AbstractContextManager[Callable[[], tuple[EnergyBalance, PatchTable]]]:
+        """The scene's energy and what tells of patches, added up beside what is done meanwhile."""
+        def work(run: Run) -> tuple[EnergyBalance, PatchTable]:
+            return energy_balance(self.transported, self.settings.seed, run), patch_table(self.transported)
+
+        return self.run.beside("energy", work)
 
     def _truth(self, places: ReceiverFootprints, near: Neighbours | None, run: Run) -> Truth:
         """Path trace receivers drawn at random; of lumels the inner ones, as against a renderer."""
@@ -308,7 +311,7 @@ def bake(scene: Scene, settings: Settings, progress: Progress | None = None,
         samples = seam_samples(lumels, scene)
         near = Neighbours(lumels, links(samples, lumels, scene))
     direct, bounced = work.light(lumels.receivers, near)
-    with work.energy() as energy:
+    with work.patch_figures() as figures:
         with work.stages("finish"):
             triangle = lumels.receivers.triangle
             albedo = work.geometry.reflectance(triangle, *lumels.receivers.barycentric.T)
@@ -325,26 +328,24 @@ def bake(scene: Scene, settings: Settings, progress: Progress | None = None,
                       zip(scene.surfaces, lumels.page_of_surface, strict=True)]
             lightmaps = tuple(Lightmap(page.name, pixels, tuple(name for name, place in placed if place == number))
                               for number, (page, pixels) in enumerate(zip(lumels.pages, images, strict=True)))
-        report = _report(work, len(lumels), energy)
-    return Bake(lightmaps, lumels.uv, lumels.page_of_surface, None, report, layers, patch_table(work.transported),
-                work.paths)
+        report, patches = _reported(work, len(lumels), figures)
+    return Bake(lightmaps, lumels.uv, lumels.page_of_surface, None, report, layers, patches, work.paths)
 
 
 def _bake_vertices(work: _Work) -> Bake:
     with work.stages("lumels"):
         receivers, fit = corner_receivers(work.scene, work.settings)
     direct, bounced = work.light(receivers)
-    with work.energy() as energy:
+    with work.patch_figures() as figures:
         with work.stages("finish"):
             albedo = work.geometry.reflectance(receivers.triangle, *receivers.barycentric.T)
             values = encode(_passes(direct, bounced, work.settings.passes), work.settings.quantity, albedo)
             colours = tuple(fit(values))
             layers = group_light(work.split, work.apart, work.settings.quantity, albedo,
                                  lambda light: fit(light, values))
-        report = _report(work, len(receivers), energy)
+        report, patches = _reported(work, len(receivers), figures)
     nowhere = np.full(len(work.scene.surfaces), -1, np.int32)
-    return Bake((), tuple(None for _ in work.scene.surfaces), nowhere, colours, report, layers,
-                patch_table(work.transported), work.paths)
+    return Bake((), tuple(None for _ in work.scene.surfaces), nowhere, colours, report, layers, patches, work.paths)
 
 
 def solve(scene: Scene, settings: Settings) -> Solution:
@@ -380,8 +381,9 @@ def _passes(direct: Float, bounced: Float, passes: str) -> Float:
     return {"direct": direct, "indirect": bounced}.get(passes, direct + bounced)
 
 
-def _report(work: _Work, lumels: int, energy: Callable[[], EnergyBalance]) -> dict[str, Any]:
+def _reported(work: _Work, lumels: int, figures: Callable[[], tuple[EnergyBalance, PatchTable]]
+              ) -> tuple[dict[str, Any], PatchTable]:
     with work.stages("energy"):
-        balance = energy()
+        balance, patches = figures()
     return report(work.scene, work.settings, work.stages, lumels, work.transported, work.error, balance, work.linear,
-                  work.warnings)
+                  work.warnings), patches

@@ -27,7 +27,7 @@ class PatchTable:
 
     Attributes
     ----------
-    middle : (p, 3) float64, metres, world space.
+    middle : (p, 3) float64, metres, world space, of the points at which rays met its cells.
     normal : (p, 3) float32 unit normals, zero where the cells of a patch face against each other.
     area : (p,) float32, m2.
     surface : (p,) int32 index into `Scene.surfaces`: the object with most of the area.
@@ -77,9 +77,7 @@ def patch_table(transport: Transport) -> PatchTable:
         back[rows.patch] = is_back[rows.hits].mean(axis=1)
         traced[rows.patch] = True
     keep = np.flatnonzero(traced & (total > 0))
-    half = np.full(len(side), 0.5, np.float32)
-    place = transport.geometry.point(*cells.places(side, half, half)[:3])
-    middle = mean(place)[keep] + transport.geometry.scene.origin
+    middle = mean(transport.met.spots.points)[keep] + transport.geometry.scene.origin
     surface = _owners(transport, patch, triangle, area, count)[keep]
     facing, size, sums, backs, out, kept = (
         np.asarray(values[keep], np.float32) for values in (normal, total, row_sum, back, watts[:, 0], watts[:, 1]))
