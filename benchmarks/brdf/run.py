@@ -63,7 +63,8 @@ def lobe(brdf: Brdf, incidence: float, degrees: Float) -> Float:
 
 def fit_phong(brdf: Brdf) -> tuple[Phong, float]:
     """The grey Phong that is nearest in log f over the plane of incidence, and its RMS distance in log10."""
-    degrees = np.arange(-STEEPEST, STEEPEST + 1, 2)
+    # Half a degree off: on whole ones, where entries of a measured table meet, rounding would choose which one is read.
+    degrees = np.arange(-STEEPEST + 0.5, STEEPEST, 2)
     wanted = np.log10(np.maximum([lobe(brdf, incidence, degrees) for incidence in FITTED], FLOOR))
 
     def model(x: Float) -> Phong:
