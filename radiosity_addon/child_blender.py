@@ -10,9 +10,10 @@ from pathlib import Path
 import bpy
 
 # What the other Blender runs: this add-on's code under a name of its own, out of the same folder. Its own extensions
-# stay off, and the wheels are found where they are found here.
+# stay off, and the wheels are found where they are found here. Of the solver, what a module asks for by name is loaded,
+# and not the whole: a first look waits for this Blender.
 BOOT = """
-import importlib, importlib.util, json, os, sys
+import importlib, importlib.util, json, os, sys, types
 import bpy
 job = sys.argv[-1]
 with open(job, encoding="utf-8") as file:
@@ -23,6 +24,8 @@ spec = importlib.util.spec_from_file_location("radiosity_child", os.path.join(ro
                                               submodule_search_locations=[root])
 sys.modules["radiosity_child"] = importlib.util.module_from_spec(spec)
 spec.loader.exec_module(sys.modules["radiosity_child"])
+solver = sys.modules["radiosity_child.solver"] = types.ModuleType("radiosity_child.solver")
+solver.__path__ = [os.path.join(root, "solver")]
 importlib.import_module("radiosity_child.radiosity_addon." + known["module"]).main(job)
 if not bpy.app.binary_path:
     # All is written. As a module, Blender 4.2 may crash when Python tidies up at its end.

@@ -76,9 +76,9 @@ def first_look(shapes: Shapes, light: tuple[Sky, Sequence[Light]], settings: Set
     grid = shapes.grids[0]
     reflectance, glow = mean_colours(scene)
     triangle = shapes.shown[grid.parent]
-    colour = got[grid.place] * reflectance[triangle][:, None]
+    colour = got[grid.place] * reflectance[triangle][:, None] + glow[triangle][:, None]
     return Look("first look", np.asarray(grid.pieces, np.float32), np.zeros((len(triangle), 3, 2), np.float32),
-                np.full(len(triangle), -1, np.int32), np.asarray(colour, np.float32), glow[triangle], ())
+                np.full(len(triangle), -1, np.int32), np.asarray(colour, np.float32), ())
 
 
 class _Grid:

@@ -24,8 +24,7 @@ class Look:
     corners : (n, 3, 3) float32, the triangles in world space.
     uv : (n, 3, 2) float32, where they lie in their page.
     page : (n,) int32 index into `pages`, ascending; -1 where `colour` alone tells the light.
-    colour : (n, 3, 3) float32, by which the page is multiplied at each corner.
-    glow : (n, 3) float32, radiance that each triangle sends out by itself.
+    colour : (n, 3, 3) float32, by which the page is multiplied at each corner; without a page, radiance.
     pages : (h, w, 3) float32 each, row 0 at the bottom.
     """
 
@@ -34,7 +33,6 @@ class Look:
     uv: Float
     page: NDArray[np.int32]
     colour: Float
-    glow: Float
     pages: tuple[Float, ...]
 
 
@@ -72,9 +70,21 @@ def look_at(scene: Scene, bake: Bake, quantity: str, title: str) -> Look:
                                           for index, surface in surfaces])
     elif (page < 0).any():
         colour[page < 0] = 0
+    _glow(colour, page, uv, glow[chosen], bake)
     order = np.argsort(page, kind="stable")
-    return Look(title, corners[order], uv[order], page[order], colour[order], glow[chosen[order]],
+    return Look(title, corners[order], uv[order], page[order], colour[order],
                 tuple(item.pixels for item in bake.lightmaps))
+
+
+def _glow(colour: Float, page: NDArray[np.int32], uv: Float, glow: Float, bake: Bake) -> None:
+    """Add the radiance (n, 3) that triangles send out by themselves: those that do have their light at the corners."""
+    for number, lightmap in enumerate(bake.lightmaps):
+        here = np.flatnonzero((page == number) & glow.any(axis=1))
+        height, width = lightmap.pixels.shape[:2]
+        x, y = (np.clip(uv[here, :, axis] * size, 0, size - 1).astype(int) for axis, size in enumerate((width, height)))
+        colour[here] *= lightmap.pixels[y, x]
+        page[here] = -1
+    colour += glow[:, None] * (page < 0)[:, None, None]
 
 
 def _or_zero(values: Any, count: int, width: int) -> Float:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import time
 from dataclasses import dataclass
 from typing import Any
 
@@ -14,17 +15,19 @@ from .parts import Parts, some, whole
 
 # One point, of no light.
 NOTHING = Look("", np.zeros((1, 3, 3), np.float32), np.zeros((1, 3, 2), np.float32), np.full(1, -1, np.int32),
-               np.zeros((1, 3, 3), np.float32), np.zeros((1, 3), np.float32), ())
+               np.zeros((1, 3, 3), np.float32), ())
 # How far the light lies before its surfaces, as part of the depth buffer's range.
 NEARER = 2e-5
-# Triangles that are handed to the graphics card in one go, and about so many seconds of that at a time.
-PIECE, PART = 2**14, 0.05
+# Triangles that are handed to the graphics card in one go, about so many seconds of that at a time, and pieces that are
+# drawn for the first time in one go: where a driver draws in software, it makes room for them then.
+PIECE, PART, NEW_PIECES = 2**13, 0.02, 4
+# Seconds that a viewport has for drawing these before more are made; it may be hidden.
+PATIENCE = 0.25
 
 VERTEX = """
 void main() {
     uv_inside = uv;
     colour_inside = colour;
-    glow_inside = glow;
     gl_Position = view_projection * vec4(position, 1.0);
     gl_Position.z -= nearer * gl_Position.w;
 }
@@ -32,7 +35,7 @@ void main() {
 # Linear light as a display shows it (IEC 61966-2-1).
 FRAGMENT = """
 void main() {
-    vec3 light = (texture(page, uv_inside).rgb * colour_inside + glow_inside) * exposure;
+    vec3 light = texture(page, uv_inside).rgb * colour_inside * exposure;
     vec3 low = light * 12.92;
     vec3 high = 1.055 * pow(max(light, vec3(1e-6)), vec3(1.0 / 2.4)) - 0.055;
     shown = vec4(mix(low, high, step(vec3(0.0031308), light)), 1.0);
@@ -43,21 +46,25 @@ void main() {
 Drawing = list[tuple[Any, Any]]
 
 
-@dataclass(frozen=True)
+@dataclass
 class _Drawn:
-    """A look, and the textures and batches that draw it; what there is yet to do for them, while they are made."""
+    """A look, the textures and batches that draw it, and what there is yet to do for these; how many of them are to be
+    drawn, whether that is all, how many have been drawn, and until when to wait for the others."""
 
     look: Look
     drawing: Drawing
     making: Parts[None]
+    count: int = 0
+    is_whole: bool = False
+    seen: int = 0
+    until: float = 0.0
 
 
 _handles: list[Any] = []
-# The shader, made once; what was drawn last, and what is to be drawn next; and whether a bake is likely, so that the
-# shader is to be made.
+# The shader, made once; what is drawn, the newest last, over what it is to replace; and whether a bake is likely, so
+# that the shader is to be made.
 _shader: list[Any] = []
 _drawn: list[_Drawn] = []
-_next: list[_Drawn] = []
 _expected: list[bool] = []
 
 
@@ -71,7 +78,7 @@ def detach() -> None:
     """Draw no more."""
     while _handles:
         bpy.types.SpaceView3D.draw_handler_remove(_handles.pop(), "WINDOW")
-    for kept in (_drawn, _next, _shader, _expected):
+    for kept in (_drawn, _shader, _expected):
         kept.clear()
 
 
@@ -92,15 +99,15 @@ def _draw() -> None:
         _show(nothing.drawing, context)
     if job is None:
         _drawn.clear()
-        _next.clear()
         return
     # Another window may show another scene: what is drawn stays for those that show this one.
     if job.scene_name != context.scene.name:
         return
     if job.look is None:
         _drawn.clear()
-    elif _drawn:
-        _show(_drawn[0].drawing, context)
+    for drawn in _drawn:
+        _show(drawn.drawing[:drawn.count], context)
+        drawn.seen = drawn.count
 
 
 def is_ready(look: Look | None) -> bool:
@@ -108,21 +115,34 @@ def is_ready(look: Look | None) -> bool:
 
     Before a viewport was drawn once there is no shader, and nothing can be made ready.
     """
-    return look is None or not _shader or bool(_drawn and _drawn[0].look is look)
+    return look is None or not _shader or bool(_drawn and _drawn[-1].look is look and _drawn[-1].is_whole)
+
+
+def is_drawn_whole() -> bool:
+    """Whether the next drawing has all of the newest look."""
+    job = Job.current
+    return job is not None and job.look is not None and bool(_drawn) and is_ready(job.look)
 
 
 def prepare(look: Look | None) -> bool:
-    """Make some of what draws a look, apart from drawing it, so that neither keeps a window for long; whether all of it
-    is there now."""
+    """Make some of what draws a look, apart from drawing it, so that neither keeps a window for long; whether there is
+    something new to be drawn."""
     assert look is not None
-    if not _next or _next[0].look is not look:
-        _next[:] = [_of(look, _shader[0])]
+    if not _drawn or _drawn[-1].look is not look:
+        _drawn[:] = [*[drawn for drawn in _drawn if drawn.is_whole][-1:], _of(look, _shader[0])]
+    newest = _drawn[-1]
+    if newest.seen < newest.count and time.monotonic() < newest.until:
+        return False
     try:
-        some(_next[0].making, PART)
+        some(newest.making, PART)
     except StopIteration:
-        _drawn[:] = [_next.pop()]
+        newest.is_whole, newest.count = True, len(newest.drawing)
+        _drawn[:] = [newest]
         return True
-    return False
+    if len(newest.drawing) < newest.count + NEW_PIECES:
+        return False
+    newest.count, newest.until = len(newest.drawing), time.monotonic() + PATIENCE
+    return True
 
 
 def _show(drawing: Drawing, context: Any) -> None:
@@ -171,8 +191,7 @@ def _batch(look: Look, piece: slice, shader: Any) -> Any:
     import gpu
 
     count = piece.stop - piece.start
-    values = {"position": look.corners[piece], "uv": look.uv[piece], "colour": look.colour[piece],
-              "glow": np.repeat(look.glow[piece], 3, axis=0)}
+    values = {"position": look.corners[piece], "uv": look.uv[piece], "colour": look.colour[piece]}
     points = gpu.types.GPUVertBuf(shader.format_calc(), 3 * count)
     for name, array in values.items():
         points.attr_fill(name, np.ascontiguousarray(array.reshape(3 * count, -1), np.float32))
@@ -186,14 +205,12 @@ def _made() -> Any:
     between = gpu.types.GPUStageInterfaceInfo("radiosity_look")
     between.smooth("VEC2", "uv_inside")
     between.smooth("VEC3", "colour_inside")
-    between.smooth("VEC3", "glow_inside")
     info = gpu.types.GPUShaderCreateInfo()
     info.push_constant("MAT4", "view_projection")
     info.push_constant("FLOAT", "nearer")
     info.push_constant("FLOAT", "exposure")
     info.sampler(0, "FLOAT_2D", "page")
-    for slot, (kind, name) in enumerate((("VEC3", "position"), ("VEC2", "uv"), ("VEC3", "colour"),
-                                         ("VEC3", "glow"))):
+    for slot, (kind, name) in enumerate((("VEC3", "position"), ("VEC2", "uv"), ("VEC3", "colour"))):
         info.vertex_in(slot, kind, name)
     info.vertex_out(between)
     info.fragment_out(0, "VEC4", "shown")

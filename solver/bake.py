@@ -199,6 +199,7 @@ class _Work:
     def light(self, receivers: Receivers, near: Neighbours | None = None) -> tuple[Float, Float]:
         """Direct (with the sky's and gathered emitters') and indirect irradiance of receivers: (n, 3) each, W/m2."""
         places = ReceiverFootprints(self.geometry, receivers, self.settings.footprint, self.settings.seed)
+        self.run.check()
         # The audit asks nothing of the bake until both are done: it fills what threads the bake leaves idle.
         with self.run.beside("audit", partial(self._truth, places, near)) as truth:
             direct, bounced = self.unaudited_light(receivers, places, near)
@@ -308,8 +309,9 @@ def bake(scene: Scene, settings: Settings, progress: Progress | None = None,
         return _bake_vertices(work)
     with work.stages("lumels"):
         lumels = lay_out(scene, settings, work.warnings, work.run.step, layout)
-        samples = seam_samples(lumels, scene)
+        samples = seam_samples(lumels, scene, work.run.check)
         near = Neighbours(lumels, links(samples, lumels, scene))
+        work.run.check()
     direct, bounced = work.light(lumels.receivers, near)
     with work.patch_figures() as figures:
         with work.stages("finish"):
@@ -320,10 +322,12 @@ def bake(scene: Scene, settings: Settings, progress: Progress | None = None,
             seen = ~unseen(work.fans, work.geometry.visibility, light, settings.seed + 13, work.run)
             shown = stand_ins(seen, light, near.in_chart(1), settings.margin)
             errors = work.errors / np.maximum(light.mean(axis=1), np.maximum(work.errors, 1e-30))
+            work.run.check()
             seams = Seams(samples, lumels, scene, values[shown], errors[shown])
-            images = finished(lumels, seams, values[shown], settings)
+            work.run.check()
+            images = finished(lumels, seams, values[shown], settings, work.run.check)
             layers = group_light(work.split, work.apart, settings.quantity, albedo,
-                                 lambda part: finished(lumels, seams, part[shown], settings))
+                                 lambda part: finished(lumels, seams, part[shown], settings, work.run.check))
             placed = [(surface.name, int(page)) for surface, page in
                       zip(scene.surfaces, lumels.page_of_surface, strict=True)]
             lightmaps = tuple(Lightmap(page.name, pixels, tuple(name for name, place in placed if place == number))

@@ -8,6 +8,7 @@ there is no sample.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
@@ -56,8 +57,8 @@ class SeamSamples:
         return SeamSamples(self.triangle[index], self.uv[index])
 
 
-def seam_samples(lumels: Lumels, scene: Scene) -> SeamSamples:
-    """One sample a texel along all seams of smooth surfaces."""
+def seam_samples(lumels: Lumels, scene: Scene, check: Callable[[], None] = lambda: None) -> SeamSamples:
+    """One sample a texel along all seams of smooth surfaces; `check` is called now and then, and may raise."""
     surface = surface_of_triangle(scene)
     page = lumels.page_of_surface[surface]
     laid = np.flatnonzero(page >= 0)
@@ -70,6 +71,7 @@ def seam_samples(lumels: Lumels, scene: Scene) -> SeamSamples:
     turned = node[first, ends[:, 0]] != node[second, others[:, 0]]
     others = np.where(turned[:, None], others[:, ::-1], others)
     first, second = laid[first], laid[second]
+    check()
     apart, smooth = page[first] != page[second], np.ones(len(first), bool)
     cosine = np.where(surface[first] == surface[second], SMOOTH_COSINE, FLUSH_COSINE)
     for k in range(2):
@@ -85,11 +87,15 @@ def seam_samples(lumels: Lumels, scene: Scene) -> SeamSamples:
     joined[first[smooth], side[smooth]] = joined[second[smooth], other[smooth]] = True
     triangle, edge = np.nonzero(~joined[laid])
     corners = scene.vertices[scene.triangles] - scene.origin
+    check()
     visibility = Visibility(np.asarray(corners, np.float32))
+    check()
     touching = _touching(corners, visibility, uv, normal, page, sizes, laid[triangle], edge)
+    check()
     samples = SeamSamples(np.concatenate([shared.triangle, touching.triangle]),
                           np.concatenate([shared.uv, touching.uv]))
     samples = samples.take(_lit_alike(scene, surface[samples.triangle]))
+    check()
     return samples.take(_open(corners, visibility, uv, sizes[page], samples))
 
 

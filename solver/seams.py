@@ -7,6 +7,7 @@ the seams (Iwanicki, Lighting Technology of The Last of Us, SIGGRAPH 2013), solv
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
@@ -72,12 +73,13 @@ class Seams:
         stiff = LUMEL_WEIGHT * stiffness(taps, light, noise)[self._unknown]
         self._anchor = np.where(taps.owner[self._unknown] >= 0, stiff, MARGIN_WEIGHT)
 
-    def stitch(self, images: list[Float]) -> list[Float]:
+    def stitch(self, images: list[Float], check: Callable[[], None] = lambda: None) -> list[Float]:
         """Make the light agree on both sides of the seams.
 
         Parameters
         ----------
         images : one (height, width, 3) a page, dilated by one texel at least.
+        check : called now and then; it may raise.
 
         Returns
         -------
@@ -88,7 +90,7 @@ class Seams:
             return [np.array(image) for image in images]
         flat = np.concatenate([np.asarray(image, np.float64).reshape(-1, 3) for image in images])
         before = flat[self._unknown]
-        change = _solve(self._column, self._weight, self._anchor, before)
+        change = _solve(self._column, self._weight, self._anchor, before, check)
         flat[self._unknown] = np.maximum(before + change, np.minimum(before, 0))
         return _pages(flat, images)
 
@@ -162,7 +164,7 @@ def _taps(point: Float, size: Int, offset: Int) -> tuple[Int, Float]:
     return np.stack(texel, axis=1), np.stack(weight, axis=1)
 
 
-def _solve(column: Int, weight: Float, anchor: Float, value: Float) -> Float:
+def _solve(column: Int, weight: Float, anchor: Float, value: Float, check: Callable[[], None]) -> Float:
     """The change d (m, 3) that minimises anchor d^2 + SEAM_WEIGHT (difference of value + d across the seams)^2."""
     count = len(anchor)
 
@@ -184,6 +186,7 @@ def _solve(column: Int, weight: Float, anchor: Float, value: Float) -> Float:
     for _ in range(MOST_STEPS):
         if (rho <= goal).all():
             break
+        check()
         image = apply(direction)
         curvature = (direction * image).sum(axis=0)
         step = np.where(curvature > 0, rho / np.where(curvature > 0, curvature, 1), 0)

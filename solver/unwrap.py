@@ -10,6 +10,8 @@
 
 from __future__ import annotations
 
+import time
+from collections import deque
 from collections.abc import Callable
 from typing import Any
 
@@ -27,6 +29,11 @@ Progress = Callable[[float], None]
 
 # Triangles flattened in one call: xatlas keeps the interpreter meanwhile, and a window with it (.04 s).
 BATCH = 500
+# Seconds that an atlas is kept after its use. xatlas ends its threads with a signal that one which has only just begun
+# may miss; then it waits for that thread for ever, and the interpreter with it.
+SETTLED = 0.2
+# Atlases that were used, and when, the oldest first.
+_used: deque[tuple[float, Any]] = deque()
 # The page on which xatlas packs charts while flattening is thrown away: small, so that it costs little.
 DRAFT_PAGE = 16
 # xatlas takes triangles for empty by absolute sizes (1.2e-7 area, 1e-4 length): each piece is scaled to this mean
@@ -136,6 +143,9 @@ def _flatten_batch(positions: Float, node: Int, piece: Int) -> tuple[Float, Int]
         uv[first:last] = coordinates[index].astype(np.float64) * size
         corner[first:last] = index.astype(np.int64) + offset
         offset += len(mapping)
+    _used.append((time.monotonic(), atlas))
+    while _used and _used[0][0] < time.monotonic() - SETTLED:
+        _used.popleft()
     return uv, corner
 
 

@@ -3,14 +3,16 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 from functools import reduce
 
 import numpy as np
 import pytest
 from radiosity import solver
 from radiosity.radiosity_addon.first_look import Shapes, first_look
+from radiosity.radiosity_addon.look import look_at as look_at_bake
 from radiosity.solver.area_lamp import Area
-from radiosity.solver.bake import irradiance
+from radiosity.solver.bake import bake, irradiance
 from radiosity.solver.scene import Scene, Surface
 from radiosity.solver.settings import Settings
 from radiosity.tests.solver.rooms import Shape, quad
@@ -41,11 +43,10 @@ def look_at(scene: Scene, settings: Settings | None = None):
 
 @pytest.mark.parametrize(("passes", "exact"), [("both", 5.0), ("direct", 1.0), ("indirect", 4.0)])
 def test_a_furnace_has_the_same_light_everywhere(passes, exact):
-    # A closed box, every wall of reflectance .8 and exitance 1. Exact answer: H = 1 / (1 - .8) everywhere; of that 1
-    # comes straight.
+    # A closed box, every wall of reflectance .8 and exitance 1, which is shown too. Exact answer: H = 1 / (1 - .8)
+    # everywhere; of that 1 comes straight.
     look = look_at(box(reflectance=0.8, emission=1.0), Settings(passes=passes))
-    assert look.colour * math.pi / 0.8 == pytest.approx(exact, rel=2e-3)
-    assert look.glow == pytest.approx(1 / math.pi)
+    assert (look.colour * math.pi - 1) / 0.8 == pytest.approx(exact, rel=2e-3)
 
 
 def test_backs_reflect_too():
@@ -54,8 +55,9 @@ def test_backs_reflect_too():
     turned = [corners if index % 4 < 2 else corners[::-1] for index, corners in enumerate(BOX)]
     look = look_at(box(turned, reflectance=0.5, emission=1.0))
     facing = inwards(look.corners)
-    assert look.colour[facing] * math.pi / 0.5 == pytest.approx(2.0, rel=2e-3)
-    assert look.colour[~facing] == pytest.approx(0.0)
+    reflected = look.colour * math.pi - 1
+    assert reflected[facing] / 0.5 == pytest.approx(2.0, rel=2e-3)
+    assert reflected[~facing] == pytest.approx(0.0, abs=1e-6)
 
 
 def test_a_room_with_a_lamp_looks_as_it_will_be_baked():
@@ -77,7 +79,7 @@ def test_what_is_not_baked_reflects_but_is_not_shown():
     walls = (Surface("wall", 0, 2), Surface("others", 2, 10, receives=False))
     look = look_at(box(reflectance=0.5, emission=1.0, surfaces=walls))
     assert (look.corners[:, :, 2] == 0).all()
-    assert look.colour * math.pi / 0.5 == pytest.approx(2.0, rel=2e-3)
+    assert (look.colour * math.pi - 1) / 0.5 == pytest.approx(2.0, rel=2e-3)
 
 
 def test_a_ceiling_whose_corners_stick_into_walls_is_lit_up_to_them():
@@ -99,3 +101,19 @@ def test_a_ceiling_whose_corners_stick_into_walls_is_lit_up_to_them():
 def test_a_scene_without_light_is_refused():
     with pytest.raises(solver.errors.NothingToBake, match="no light"):
         look_at(box())
+
+
+def test_a_draft_of_what_glows_has_its_light_at_the_corners():
+    # A furnace of reflectance .5 and exitance 1 but for one wall, which is black and dark. Exact: what glows has no
+    # page and is 1 / pi brighter than what it reflects of the light that was baked there; the dark wall has its page.
+    emission = np.where(np.arange(12) < 2, 0.0, 1.0)[:, None] * np.ones(3)
+    room = box(reflectance=0.5, emission=1.0)
+    room = replace(room, emission=np.asarray(emission, np.float32))
+    baked = bake(room, Settings(error=0.1, resolution=64))
+    look = look_at_bake(room, baked, "irradiance", "draft")
+    assert sorted(look.page) == [-1] * 10 + [0] * 2
+    assert (np.diff(look.page) >= 0).all()
+    glowing = look.page < 0
+    light = (look.colour[glowing] * math.pi - 1) / 0.5
+    assert light.mean() == pytest.approx(baked.lightmaps[0].pixels[baked.lightmaps[0].pixels > 0].mean(), rel=0.1)
+    assert look.colour[~glowing] == pytest.approx(0.5 / math.pi)

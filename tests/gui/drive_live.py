@@ -5,7 +5,7 @@ that the window did not answer, by what went on ("idle" is before any bake, "wri
 these that the extension itself had the window's thread work, in one go, and the longest that another thread waited for
 the interpreter; seconds by the clock, and of threads, from the button until the first look is drawn; seconds from Esc
 to the end; how the file differs afterwards; what the report says of a kept draft. At the end Blender is quit in the
-middle of a bake. With "short" in the job, one bake alone is watched, up to its work, then cancelled.
+middle of a bake. With "short" in the job, one bake alone is watched, until a draft is drawn, then cancelled.
 """
 
 from __future__ import annotations
@@ -98,8 +98,11 @@ def counted(call: Callable[..., Any]) -> Callable[..., Any]:
     """Note how often a 3D viewport is drawn, and with which looks."""
     def with_count(*arguments: Any) -> Any:
         SPENT["drawn"] = SPENT.get("drawn", 0.0) + 1
-        DRAWN.add(title())
-        return call(*arguments)
+        done = call(*arguments)
+        # A large look is drawn in more than one go.
+        if module("radiosity_addon.look_overlay").is_drawn_whole():
+            DRAWN.add(title())
+        return done
 
     return with_count
 
@@ -224,7 +227,7 @@ def cancelled(before: Any) -> Iterator[float]:
     yield SHOWN
     yield from drive.shot("large-1-first-look" if drive.JOB.get("short") else "live-1-first-look")
     if drive.JOB.get("short"):
-        yield from watch(lambda: current().progress.stage == "draft")
+        yield from watch(lambda: any(shown.startswith("error") for shown in DRAWN))
     else:
         yield from watch(lambda: title().startswith("error"))
         yield SHOWN

@@ -1,5 +1,8 @@
 """Unwrapping: every triangle gets its place, no two the same one, all at the same scale."""
 
+import subprocess
+import sys
+
 import numpy as np
 import pytest
 from radiosity.solver.charts import Charts, cut_wasteful, uv_areas
@@ -10,7 +13,7 @@ from radiosity.solver.packing import Packer, largest_density, skyline
 from radiosity.solver.pieces import PIECE_SIZE, originals, pieces, weld
 from radiosity.solver.scene import Scene, Surface
 from radiosity.solver.settings import Settings
-from radiosity.solver.unwrap import flatten
+from radiosity.solver.unwrap import _flatten_curved, flatten
 
 CUBE_CORNERS = np.array([[x, y, z] for x in (0, 1) for y in (0, 1) for z in (0, 1)], float)
 CUBE = np.array([[0, 1, 3], [0, 3, 2], [4, 6, 7], [4, 7, 5], [0, 4, 5], [0, 5, 1], [2, 3, 7], [2, 7, 6],
@@ -185,6 +188,20 @@ def test_unwrapping_can_be_cancelled():
 
     with pytest.raises(Cancelled):
         lumels(scene_of(sphere(16)), Settings(), [], stop)
+
+
+def flatten_often(times):
+    """Flatten a quad that is folded by 90 degrees and curved, as often as asked for."""
+    positions = np.array([[[0, 0, 0], [1, 0, 0], [1, 1, 0]], [[0, 0, 0], [1, 1, 0], [0, 1, 0.2]]], float)
+    for _ in range(times):
+        _flatten_curved(positions, np.array([[0, 1, 2], [0, 2, 3]]), np.zeros(2, int), None)
+
+
+def test_flattening_never_waits_for_a_thread_of_xatlas_that_missed_its_end():
+    # 6,000 atlases of two triangles, in a process of its own. With each ended at once, xatlas waited for ever after
+    # some 2,500 of them, holding the interpreter.
+    code = "from radiosity.tests.solver.test_unwrap import flatten_often; flatten_often(6000)"
+    subprocess.run([sys.executable, "-c", code], check=True, timeout=120)
 
 
 def test_flattening_keeps_areas_and_lengths_of_flat_faces():
