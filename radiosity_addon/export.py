@@ -8,8 +8,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from collections.abc import Callable
+from contextlib import AbstractContextManager, closing, nullcontext
 from dataclasses import dataclass, replace
 from functools import partial
 from typing import Any
@@ -116,15 +116,9 @@ def _glanced(scene: Any, view_layer: Any, settings: Settings, emissions: Emissio
     yield from glance(dark, world_parts(scene.world, [], COARSE, elsewhere=elsewhere), settings)
 
 
-@contextmanager
-def _cycles_elsewhere(part_seconds: float) -> Iterator[Elsewhere | None]:
+def _cycles_elsewhere(part_seconds: float) -> AbstractContextManager[Elsewhere | None]:
     """Another Blender for what Cycles has to look at; None where nobody waits."""
-    elsewhere = Elsewhere() if part_seconds < ENDLESS else None
-    try:
-        yield elsewhere
-    finally:
-        if elsewhere is not None:
-            elsewhere.close()
+    return closing(Elsewhere()) if part_seconds < ENDLESS else nullcontext()
 
 
 def export_surfaces(scene: Any, view_layer: Any, settings: Settings) -> Scene:

@@ -118,12 +118,6 @@ def is_ready(look: Look | None) -> bool:
     return look is None or not _shader or bool(_drawn and _drawn[-1].look is look and _drawn[-1].is_whole)
 
 
-def is_drawn_whole() -> bool:
-    """Whether the next drawing has all of the newest look."""
-    job = Job.current
-    return job is not None and job.look is not None and bool(_drawn) and is_ready(job.look)
-
-
 def prepare(look: Look | None) -> bool:
     """Make some of what draws a look, apart from drawing it, so that neither keeps a window for long; whether there is
     something new to be drawn."""

@@ -10,8 +10,9 @@ from numpy.typing import NDArray
 
 from . import cap
 from .lamp_checks import put, spectrum, vector, within
-from .lights import LightSample, aimed, combined, dot
+from .lights import LightSample, aimed, dot
 from .polygon import polygon_form_factor
+from .sampling import combined
 
 Float = NDArray[np.floating[Any]]
 

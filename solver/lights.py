@@ -93,10 +93,5 @@ def inside_box(points: Float, low: Float, high: Float) -> NDArray[np.bool_]:
 
 
 def dot(a: Float, b: Float) -> Float:
-    """Row by row: (n, 3) and (n, 3) or (3,) -> (n,); not by BLAS, see `combined`."""
+    """Row by row: (n, 3) and (n, 3) or (3,) -> (n,); not by BLAS, see `sampling.combined`."""
     return np.asarray(a[..., 0] * b[..., 0] + a[..., 1] * b[..., 1] + a[..., 2] * b[..., 2])
-
-
-def combined(coordinates: Float, axes: Float) -> Float:
-    """Coordinates (n, k) along axes (k, c) -> (n, c); not by BLAS, whose bits depend on the number of cores."""
-    return np.asarray(np.einsum("nk,kc->nc", coordinates, axes))

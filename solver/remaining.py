@@ -45,16 +45,14 @@ def remaining(first: Float, second: Float, kernels: Kernels, run: Run) -> Float:
     filtered = looks
     for number, kernel in enumerate(kernels):
         filtered = _filtered(filtered, looks, kernel, found[:, 2 * number:], run)
-    best = np.empty(count, np.float32)
+    halfway, best = np.empty_like(found), np.empty(count, np.float32)
+
+    def average(part: slice) -> None:
+        halfway[part] = kernels[0].mean(found, part)
 
     def end(part: slice) -> None:
         near = kernels[1].mean(halfway, part)
         best[part] = np.minimum(near[:, 0], np.maximum(near[:, 1::2], near[:, 2::2]).min(axis=1))
-
-    halfway = np.empty_like(found)
-
-    def average(part: slice) -> None:
-        halfway[part] = kernels[0].mean(found, part)
 
     for_all(average, count, run)
     for_all(end, count, run)

@@ -60,7 +60,7 @@ def interleaved(texel: Int, identity: Int, seed: int) -> Float:
     texel : (n, 2) column and row in the image.
     identity : (n,) what has a shift in common.
     """
-    return np.asarray((np.einsum("nk,kc->nc", texel, ACROSS_IMAGE) + shifts(identity, 2, seed)) % 1.0, np.float32)
+    return np.asarray((combined(texel, ACROSS_IMAGE) + shifts(identity, 2, seed)) % 1.0, np.float32)
 
 
 def mixed(identity: NDArray[Any], dimension: int, seed: int) -> NDArray[np.uint64]:
@@ -127,3 +127,8 @@ def cosine_directions(normals: Float, u: Float, v: Float) -> Float:
     for axis in range(3):
         out[..., axis] = x * first[:, None, axis] + y * second[:, None, axis] + z * normals[:, None, axis]
     return out
+
+
+def combined(coordinates: NDArray[Any], axes: Float) -> Float:
+    """Coordinates (n, k) along axes (k, c) -> (n, c); not by BLAS, whose bits depend on the number of cores."""
+    return np.asarray(np.einsum("nk,kc->nc", coordinates, axes))

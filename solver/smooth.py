@@ -17,6 +17,7 @@ from .kernels import Kernel, Kernels, for_all
 from .parallel import Run
 
 Float = NDArray[np.floating[Any]]
+Int = NDArray[np.integer[Any]]
 
 # Neighbours that differ by this many standard deviations more than noise explains hardly count.
 DEVIATIONS = 1.4
@@ -51,16 +52,21 @@ def _variance(first: Float, second: Float, kernels: Kernels, run: Run) -> Float:
     """
     variance = np.square(light_of(first) - light_of(second)).mean(axis=1) / 2
     for kernel in kernels:
-        pooled = np.empty_like(variance)
-
-        def work(part: slice, kernel: Kernel = kernel, before: Float = variance, pooled: Float = pooled) -> None:
-            there = kernel.others[part] >= 0
-            near = np.where(there, np.take(before, kernel.others[part]), 0)
-            pooled[part] = (before[part] + near.sum(axis=1)) / (1 + there.sum(axis=1))
-
-        for_all(work, len(variance), run)
-        variance = pooled
+        variance = _pooled(variance, kernel.others, run)
     return np.asarray(variance, np.float32)
+
+
+def _pooled(values: Float, others: Int, run: Run) -> Float:
+    """Means (n,) over receivers and their neighbours."""
+    out = np.empty_like(values)
+
+    def work(part: slice) -> None:
+        there = others[part] >= 0
+        near = np.where(there, np.take(values, others[part]), 0)
+        out[part] = (values[part] + near.sum(axis=1)) / (1 + there.sum(axis=1))
+
+    for_all(work, len(values), run)
+    return out
 
 
 def light_of(look: Float) -> Float:

@@ -17,7 +17,8 @@ from . import cap
 from .errors import SceneError
 from .lamp_checks import put, unit_vector, within
 from .lamps import Point, View
-from .lights import LightSample, combined, dot
+from .lights import LightSample, dot
+from .sampling import combined
 
 Float = NDArray[np.floating[Any]]
 

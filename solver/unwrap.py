@@ -27,7 +27,7 @@ Float = NDArray[np.floating[Any]]
 Int = NDArray[np.integer[Any]]
 Progress = Callable[[float], None]
 
-# Triangles flattened in one call: xatlas keeps the interpreter meanwhile, and a window with it (.04 s).
+# Triangles flattened in one call: xatlas keeps the interpreter meanwhile, and a window with it.
 BATCH = 500
 # Seconds that an atlas is kept after its use. xatlas ends its threads with a signal that one which has only just begun
 # may miss; then it waits for that thread for ever, and the interpreter with it.

@@ -26,7 +26,7 @@ SLOW_NOTICE = "embreex is missing on this platform: rays are cast by NumPy, whic
 OFFSET = 2.0**-18
 # A shadow ray ends this part of its length before the lamp's surface, for the same reason.
 SHORTEN = 1e-4
-# Triangles that Embree is given at once: embreex keeps the interpreter meanwhile, and a window with it (6 ms).
+# Triangles that Embree is given at once: embreex keeps the interpreter meanwhile, and a window with it.
 MOST_AT_ONCE = 2**12
 # Pairs of ray and triangle that the NumPy caster tests at once.
 _PAIRS = 2**22

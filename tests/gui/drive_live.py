@@ -100,7 +100,8 @@ def counted(call: Callable[..., Any]) -> Callable[..., Any]:
         SPENT["drawn"] = SPENT.get("drawn", 0.0) + 1
         done = call(*arguments)
         # A large look is drawn in more than one go.
-        if module("radiosity_addon.look_overlay").is_drawn_whole():
+        job, drawn = current(), module("radiosity_addon.look_overlay")._drawn
+        if job is not None and drawn and drawn[-1].is_whole and drawn[-1].look is job.look:
             DRAWN.add(title())
         return done
 

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 from radiosity.solver import Settings, Sky, bake, tables
 from radiosity.solver.lamps import Point
-from radiosity.solver.lights import combined
+from radiosity.solver.sampling import combined
 from radiosity.tests.solver.rooms import CEILING, box, quad, shape
 
 

@@ -199,7 +199,7 @@ def flatten_often(times):
 
 def test_flattening_never_waits_for_a_thread_of_xatlas_that_missed_its_end():
     # 6,000 atlases of two triangles, in a process of its own. With each ended at once, xatlas waited for ever after
-    # some 2,500 of them, holding the interpreter.
+    # some thousands of them, holding the interpreter.
     code = "from radiosity.tests.solver.test_unwrap import flatten_often; flatten_often(6000)"
     subprocess.run([sys.executable, "-c", code], check=True, timeout=120)
 
