@@ -59,6 +59,7 @@ class Cells:
             size *= 1.25
         self.size = size
         self._base = np.concatenate([[0], np.cumsum(count)[:-1]]) * 2
+        self._share_of_cell = np.asarray(1 / count, np.float32)
         # What a hit's cell follows from: its column and line are products of (u, v, 1) with a row of `_axes`.
         self._axes = _AXES[self._first] * np.repeat(self._divisions, 4, axis=1).astype(np.float32)
         self._grid = np.stack([self._base, self._divisions[:, 0] - 1, self._divisions[:, 1], self._divisions[:, 1] - 1],
@@ -184,6 +185,13 @@ class Cells:
     def triangle_of(self, side: NDArray[np.int64]) -> NDArray[np.int32]:
         """The triangle of each side."""
         return np.asarray(np.searchsorted(self._base, self._holding(side)[0], side="right") - 1, np.int32)
+
+    def share(self, side: NDArray[np.int64], triangle: Int) -> Float:
+        """(n,) float32: what each side covers of twice its triangle, cut by that or not."""
+        number = self._holding(side)[1]
+        smaller = (number >= 0) & (number < FROM_BEHIND)
+        whole = np.take(self._share_of_cell, triangle)
+        return np.where(smaller, whole / np.float32(FINER**2), whole)
 
     def area(self, side: NDArray[np.int64], *, of_each: bool = False) -> Float:
         """The area of each side, m2; of held ones only if asked for `of_each`, since it is that of what holds them."""

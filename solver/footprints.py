@@ -135,9 +135,9 @@ class ReceiverFootprints:
         local, count = self.planes.places(rows, x, y), x.shape[1]
         normals = np.repeat(np.take(self.planes.normal, rows, axis=0), count, axis=0)
         whole = normals.reshape(-1, count, 3)
-        bent, hidden = np.flatnonzero(self.planes.bent[rows]), np.flatnonzero(self.hidden[rows])
-        if len(bent):
-            whole[bent] = self.planes.normals(rows[bent], local[bent]).reshape(-1, count, 3)
+        turning, hidden = np.flatnonzero(self.planes.turning[rows]), np.flatnonzero(self.hidden[rows])
+        if len(turning):
+            whole[turning] = self.planes.normals(rows[turning], local[turning]).reshape(-1, count, 3)
         if len(hidden):
             whole[hidden] *= ~self.planes.buried(rows[hidden], local[hidden]).reshape(-1, count, 1)
         return self.planes.points(rows, local), normals

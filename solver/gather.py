@@ -41,7 +41,7 @@ PASS_RAYS = 2**22
 # on, this often at most, and so do rays of other receivers that meet a back so near.
 CONFINED = 0.4
 NEAR_PATCHES = 0.5
-MOST_BOUNCES = 8
+MOST_BOUNCES = 4
 # From this bounce on a ray goes on by chance, and then stands for those that did not: long ways lead through the dark.
 ROULETTE_FROM = 2
 ROULETTE = np.float32(0.5)

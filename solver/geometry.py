@@ -11,7 +11,8 @@ from numpy.typing import NDArray
 
 from .cutouts import CutoutVisibility
 from .ray_kinds import RayKinds
-from .scene import Scene, Texture, surface_of_triangle
+from .scene import Scene, surface_of_triangle
+from .textures import looked_up
 from .visibility import OFFSET, Visibility
 
 if TYPE_CHECKING:
@@ -126,19 +127,20 @@ class Geometry:
         offset = self.offset[triangle]
         return np.asarray(points + np.take(self.normal, triangle, axis=0) * np.where(front, offset, -offset)[:, None])
 
-    def reflectance(self, triangle: Int, u: Float, v: Float) -> Float:
-        """(n, 3) float32 diffuse reflectance at barycentric points."""
+    def reflectance(self, triangle: Int, u: Float, v: Float, share: Float | None = None) -> Float:
+        """(n, 3) float32 diffuse reflectance at barycentric points, or about them: of pieces of surface that are such a
+        share (n,) of twice their triangle."""
         out: Float = np.take(self._reflectance, triangle, axis=0)
         if self._textured:
-            out = out * self._textures(self._reflectance_texture, triangle, u, v)
+            out = out * self._textures(self._reflectance_texture, triangle, u, v, share)
             np.minimum(out, 1.0, out=out)
         return out
 
-    def emission(self, triangle: Int, u: Float, v: Float) -> Float:
-        """(n, 3) float32 radiant exitance (W/m2) at barycentric points."""
+    def emission(self, triangle: Int, u: Float, v: Float, share: Float | None = None) -> Float:
+        """(n, 3) float32 radiant exitance (W/m2) at or about barycentric points, as `reflectance`."""
         out: Float = np.take(self._emission, triangle, axis=0)
         if (self._emission_texture[triangle] >= 0).any():
-            out = out * self._textures(self._emission_texture, triangle, u, v)
+            out = out * self._textures(self._emission_texture, triangle, u, v, share)
         return out
 
     def opacity(self, triangle: Int, u: Float, v: Float) -> Float:
@@ -146,7 +148,14 @@ class Geometry:
         texture = self._textures(np.asarray(self.scene.opacity_texture), triangle, u, v)
         return np.asarray(np.asarray(self.scene.opacity)[triangle] * texture[:, 0])
 
-    def _textures(self, index_of: Int, triangle: Int, u: Float, v: Float) -> Float:
+    @cached_property
+    def _width_in_image(self) -> Float:
+        """(t,) the root of twice each triangle's area in its image, in parts of the image."""
+        corner = np.asarray(self.scene.uv)
+        first, second = corner[:, 1] - corner[:, 0], corner[:, 2] - corner[:, 0]
+        return np.asarray(np.sqrt(np.abs(first[:, 0] * second[:, 1] - first[:, 1] * second[:, 0])))
+
+    def _textures(self, index_of: Int, triangle: Int, u: Float, v: Float, share: Float | None = None) -> Float:
         out = np.ones((len(triangle), 3), np.float32)
         index = index_of[triangle]
         if self.scene.uv is None:
@@ -159,24 +168,9 @@ class Geometry:
                 corner = np.take(self.scene.uv, triangle[rows], axis=0)
                 weight_u, weight_v = u[rows, None], v[rows, None]
                 place = corner[:, 0] * (1 - weight_u - weight_v) + corner[:, 1] * weight_u + corner[:, 2] * weight_v
-                out[rows] = texture_lookup(texture, place)
+                width = None
+                if share is not None:
+                    width = np.take(self._width_in_image, triangle[rows]) * np.sqrt(share[rows])
+                out[rows] = looked_up(texture, place, width)
         return out
 
-
-def texture_lookup(texture: Texture, uv: Float) -> Float:
-    """(n, 3) float32: the texture at uv (n, 2), repeated, bilinear."""
-    height, width = texture.pixels.shape[:2]
-    flat = texture.pixels.reshape(-1, 3)
-    x = (uv[:, 0] - np.floor(uv[:, 0])) * width - np.float32(0.5)
-    y = (uv[:, 1] - np.floor(uv[:, 1])) * height - np.float32(0.5)
-    left, low = np.floor(x).astype(np.int32), np.floor(y).astype(np.int32)
-    part_x, part_y = (x - left)[:, None], (y - low)[:, None]
-    left, right = left % width, (left + 1) % width
-    low, high = low % height * width, (low + 1) % height * width
-
-    def at(place: Int) -> Float:
-        return np.take(flat, place, axis=0)
-
-    bottom = at(low + left) * (1 - part_x) + at(low + right) * part_x
-    top = at(high + left) * (1 - part_x) + at(high + right) * part_x
-    return np.asarray(bottom * (1 - part_y) + top * part_y, np.float32)

@@ -83,7 +83,7 @@ def reflectance_of(geometry: Geometry, cell_size: float, sides: NDArray[np.int64
         for x, y in points:
             count = len(total)
             triangle, u, v, _ = cells.places(sides[part], np.full(count, x), np.full(count, y))
-            total += geometry.reflectance(triangle, u, v)
+            total += geometry.reflectance(triangle, u, v, cells.share(sides[part], triangle))
         return np.asarray(np.rint(total * np.float32(WHOLE / CELL_SAMPLES)), np.uint16)
 
     # Where receivers see nothing but the sky there is no cell.

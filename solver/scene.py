@@ -22,6 +22,37 @@ Float = NDArray[np.floating[Any]]
 
 
 @dataclass(frozen=True, eq=False)
+class MipMap:
+    """An image and ever smaller ones of the same, each half as wide and high, down to one pixel (Williams 1983).
+
+    pixels : (n, 3) float32 of all, one after another;  first : (k,) where each begins;  size : (k, 2) width and height.
+    """
+
+    pixels: Float
+    first: NDArray[np.int64]
+    size: NDArray[np.int64]
+
+    @classmethod
+    def of(cls, pixels: Float) -> MipMap:
+        """That of an image (height, width, 3)."""
+        images = [pixels]
+        while max(images[-1].shape[:2]) > 1:
+            images.append(_halved(_halved(images[-1], 0), 1))
+        size = np.array([image.shape[1::-1] for image in images], np.int64)
+        first = np.cumsum(size.prod(axis=1)) - size.prod(axis=1)
+        return cls(np.concatenate([image.reshape(-1, 3) for image in images]), first, size)
+
+
+def _halved(pixels: Float, axis: int) -> Float:
+    """An image half as long along one axis; what is over at the end stands for itself."""
+    even, odd = (slice(None),) * axis + (slice(0, None, 2),), (slice(None),) * axis + (slice(1, None, 2),)
+    out: Float = pixels[even].copy()
+    pairs = (slice(None),) * axis + (slice(0, pixels.shape[axis] // 2),)
+    out[pairs] = (out[pairs] + pixels[odd]) / np.float32(2)
+    return out
+
+
+@dataclass(frozen=True, eq=False)
 class Texture:
     """An image in linear light, repeated in both directions, looked up with bilinear filtering.
 
@@ -46,6 +77,11 @@ class Texture:
     def mean(self) -> Float:
         """(3,) float32 of all pixels."""
         return np.asarray(self.pixels.mean(axis=(0, 1)))
+
+    @cached_property
+    def smaller(self) -> MipMap:
+        """The image, and smaller ones of the same."""
+        return MipMap.of(self.pixels)
 
 
 @dataclass(frozen=True, eq=False)

@@ -86,6 +86,7 @@ class SeenFootprints(EachPoint):
         self.triangle = cells.triangle_of(self.identity)
         self.front = (self.identity & 1).astype(bool)
         self._triangle, self._front = np.repeat(self.triangle, self.count), np.repeat(self.front, self.count)
+        self._share = np.repeat(cells.share(self.identity, self.triangle), self.count)
         parts = run.map(self._settle, shares(len(seen.side), CHUNK_POINTS, LEAST_POINTS))
         self.start, self.normal = (np.concatenate([part[column] for part in parts]) for column in (0, 1))
 
@@ -108,10 +109,13 @@ class SeenFootprints(EachPoint):
         point = self.first[part]
         return self.triangle[part], self._seen.u[point], self._seen.v[point]
 
-    def mean(self, values: Callable[[Int, Float, Float], Float]) -> Float:
-        """(n, 3) the mean over each cell's points of what `values` says of triangles and u, v (m,)."""
-        found = self._run.map(lambda part: values(self._triangle[part], self._seen.u[part], self._seen.v[part]),
-                              shares(len(self._seen.side), CHUNK_POINTS, LEAST_POINTS))
+    def mean(self, values: Callable[[Int, Float, Float, Float], Float]) -> Float:
+        """(n, 3) the mean over each cell's points of what `values` says of triangles and u, v, for the cell's share of
+        twice its triangle (m,)."""
+        def work(part: slice) -> Float:
+            return values(self._triangle[part], self._seen.u[part], self._seen.v[part], self._share[part])
+
+        found = self._run.map(work, shares(len(self._seen.side), CHUNK_POINTS, LEAST_POINTS))
         total = np.add.reduceat(np.concatenate(found), self.first, axis=0)
         return np.asarray(total / self.count.astype(np.float32)[:, None])
 

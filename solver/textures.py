@@ -1,0 +1,59 @@
+"""What textures show: at points, or of small pieces of surface about points.
+
+A cell of the solver is seen at a few points only, and may hold hundreds of texels: what is asked there are texels about
+as large as the cell, each the mean of what it covers (a mip map: Williams 1983).
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .scene import Texture
+
+Float = NDArray[np.floating[Any]]
+
+# A piece of surface is looked at by texels that are at most so wide, beside itself: filtering reads two of them, which
+# must not reach far into what lies beside the piece in the image.
+TEXEL_SHARE = np.float32(0.5)
+
+
+def looked_up(texture: Texture, uv: Float, width: Float | None = None) -> Float:
+    """What a texture shows, repeated in both directions, bilinear.
+
+    Parameters
+    ----------
+    uv : (n, 2), where.
+    width : (n,) of the piece of surface that is meant, in parts of the image; None for points.
+
+    Returns
+    -------
+    (n, 3) float32.
+    """
+    lines, columns = texture.pixels.shape[:2]
+    if width is None:
+        return _bilinear(texture.pixels.reshape(-1, 3), 0, columns, lines, uv)
+    chain = texture.smaller
+    across = width * np.float32(np.sqrt(lines * columns)) * TEXEL_SHARE
+    level = np.clip(np.log2(np.maximum(across, 1)), 0, len(chain.size) - 1).astype(np.intp)
+    columns, lines = chain.size[level].T
+    return _bilinear(chain.pixels, chain.first[level], columns, lines, uv)
+
+
+def _bilinear(pixels: Float, first: Any, columns: Any, lines: Any, uv: Float) -> Float:
+    """What images show at uv (n, 2); they are parts of the pixels (m, 3), with the first of each, and its size."""
+    x, y = ((uv[:, axis] - np.floor(uv[:, axis])) * count - np.float32(0.5)
+            for axis, count in ((0, np.float32(columns)), (1, np.float32(lines))))
+    left, low = np.floor(x).astype(np.int32), np.floor(y).astype(np.int32)
+    part_x, part_y = (x - left)[:, None], (y - low)[:, None]
+    left, right = first + left % columns, first + (left + 1) % columns
+    low, high = low % lines * columns, (low + 1) % lines * columns
+
+    def at(place: NDArray[Any]) -> Float:
+        return np.take(pixels, place, axis=0)
+
+    bottom = at(low + left) * (1 - part_x) + at(low + right) * part_x
+    top = at(high + left) * (1 - part_x) + at(high + right) * part_x
+    return np.asarray(bottom * (1 - part_y) + top * part_y, np.float32)
