@@ -14,8 +14,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
-from contextlib import AbstractContextManager
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
 from functools import partial
 from typing import Any
 
@@ -262,12 +262,13 @@ class _Work:
         bounced = MORE_BOUNCES * once + looks.bounced
         return bounced / max(self.lamps + looks.straight + bounced, 1e-30)
 
-    def patch_figures(self) -> AbstractContextManager[Callable[[], tuple[EnergyBalance, PatchTable]]]:
+    @contextmanager
+    def patch_figures(self) -> Iterator[Callable[[], tuple[EnergyBalance, PatchTable]]]:
         """The scene's energy and what tells of patches, added up beside what is done meanwhile."""
-        def work(run: Run) -> tuple[EnergyBalance, PatchTable]:
-            return energy_balance(self.transported, self.settings.seed, run), patch_table(self.transported)
-
-        return self.run.beside("energy", work)
+        transport, seed = self.transported, self.settings.seed
+        with (self.run.beside("energy", lambda run: energy_balance(transport, seed, run)) as balance,
+              self.run.beside("energy", lambda run: patch_table(transport)) as table):
+            yield lambda: (balance(), table())
 
     def _truth(self, places: ReceiverFootprints, near: Neighbours | None, run: Run) -> Truth:
         """Path trace receivers drawn at random; of lumels the inner ones, as against a renderer."""

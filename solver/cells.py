@@ -151,6 +151,10 @@ class Cells:
         """The sides that have no row yet, each once, in the order of their numbers."""
         return np.asarray(np.unique(sides[self.are_new(sides)]))
 
+    def are_held(self, sides: NDArray[np.int64]) -> NDArray[np.bool_]:
+        """Which of the sides (n,) are of cells that others hold."""
+        return np.asarray(sides >= self._first_held)
+
     def are_new(self, sides: NDArray[np.int64]) -> NDArray[np.bool_]:
         """Which of the sides (n,) are cells without a row."""
         return np.asarray((self._number(sides) == 0) & (sides >= 0))
@@ -196,7 +200,7 @@ class Cells:
     def area(self, side: NDArray[np.int64], *, of_each: bool = False) -> Float:
         """The area of each side, m2; of held ones only if asked for `of_each`, since it is that of what holds them."""
         box = _Box(self, side)
-        counts = of_each | (side < self._first_held)
+        counts = of_each | ~self.are_held(side)
         return np.asarray(2 * self.geometry.area[box.triangle] * np.where(counts, box.share, 0), np.float32)
 
     def places(self, side: NDArray[np.int64], x: Float,

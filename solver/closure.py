@@ -51,11 +51,10 @@ class PatchTable:
 
 def patch_table(transport: Transport) -> PatchTable:
     """Read the figures off a solved transport."""
-    cells, patch, count = transport.cells, transport.cell_patch, len(transport.patches)
-    side, front = cells.side, (cells.side & 1).astype(bool)
-    area = cells.area(side).astype(np.float64)
+    patch, count = transport.cell_patch, len(transport.patches)
+    spots, area = transport.met.spots, transport.met.own_area.astype(np.float64)
+    front, triangle = spots.front, spots.triangle
     total = np.bincount(patch, area, count)
-    triangle = cells.triangle_of(side)
 
     def mean(values: Float) -> Float:
         """Area-weighted means over the patches of (cells, k) values."""
@@ -77,7 +76,7 @@ def patch_table(transport: Transport) -> PatchTable:
         back[rows.patch] = is_back[rows.hits].mean(axis=1)
         traced[rows.patch] = True
     keep = np.flatnonzero(traced & (total > 0))
-    middle = mean(transport.met.spots.points)[keep] + transport.geometry.scene.origin
+    middle = mean(spots.points)[keep] + transport.geometry.scene.origin
     surface = _owners(transport, patch, triangle, area, count)[keep]
     facing, size, sums, backs, out, kept = (
         np.asarray(values[keep], np.float32) for values in (normal, total, row_sum, back, watts[:, 0], watts[:, 1]))

@@ -104,8 +104,7 @@ class _Draws(CellFootprints):
 
 def _solid_area(transport: Transport) -> Float:
     """(cells,) m2 of every met side of a cell, less what lets light through: its mean opacity at `OPACITY_SAMPLES`."""
-    side = transport.cells.side
-    area = np.asarray(transport.cells.area(side))
+    side, area = transport.cells.side, transport.met.own_area
     scene = transport.geometry.scene
     if (np.asarray(scene.opacity) == 1).all() and (np.asarray(scene.opacity_texture) < 0).all():
         return area

@@ -43,7 +43,7 @@ CONFINED = 0.4
 NEAR_PATCHES = 0.5
 MOST_BOUNCES = 4
 # From this bounce on a ray goes on by chance, and then stands for those that did not: long ways lead through the dark.
-ROULETTE_FROM = 2
+ROULETTE_FROM = 1
 ROULETTE = np.float32(0.5)
 # Rays of a patch that was met only now.
 LATE_RAYS = 64

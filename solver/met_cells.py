@@ -53,6 +53,7 @@ class MetCells:
         self._places = Growing((), np.uint8)
         self._tables = (self._incident, self._direct, self._emission, self._reflectance, self._places)
         self._start, self._gap, self._triangle = Growing((8,)), Growing(), Growing((), np.int32)
+        self._area = Growing()
         self._front = Growing((), np.bool_)
 
     def __len__(self) -> int:
@@ -103,6 +104,16 @@ class MetCells:
         """The cells' middles."""
         return Spots(self._points.values, self._normals.values, self._triangle.values, self._gap.values,
                      self._front.values)
+
+    @property
+    def area(self) -> Float:
+        """(n,) float32, m2 of each, those that others hold included."""
+        return self._area.values
+
+    @property
+    def own_area(self) -> Float:
+        """(n,) the same, 0 for those that others hold: together the area of what was met."""
+        return np.where(self.cells.are_held(self.cells.side), np.float32(0), self.area)
 
     @property
     def places(self) -> NDArray[np.uint8]:
@@ -168,12 +179,14 @@ class MetCells:
 
     def _place(self, places: SeenFootprints) -> None:
         """Where a cell is seen first stands for it."""
-        def work(part: slice) -> Spots:
-            return Spots.at(self.geometry, *places.first_places(part), places.front[part])
+        def work(part: slice) -> tuple[Spots, Float]:
+            return (Spots.at(self.geometry, *places.first_places(part), places.front[part]),
+                    self.cells.area(places.identity[part], of_each=True))
 
         parts = self._run.map(work, shares(len(places), CHUNK_CELLS, LEAST_CELLS))
-        spots = Spots.join(parts)
+        spots = Spots.join([spots for spots, _ in parts])
         self._run.count(len(places))
+        self._area.append(np.concatenate([area for _, area in parts]))
         self._points.append(spots.points)
         self._normals.append(spots.normals)
         self._triangle.append(spots.triangle)

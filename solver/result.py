@@ -82,10 +82,9 @@ class Solution:
     @classmethod
     def of(cls, geometry: Geometry, transport: Transport, linear: LinearResult, stages: Stages) -> Solution:
         """Area-weighted means over the met cells of each triangle's front."""
-        cells, count = transport.cells, len(geometry.area)
-        front = (cells.side & 1).astype(bool)
-        side = cells.side[front]
-        triangle, area = cells.triangle_of(side), cells.area(side)
+        cells, spots, count = transport.cells, transport.met.spots, len(geometry.area)
+        front = spots.front
+        triangle, area = spots.triangle[front], transport.met.own_area[front]
         weight = np.bincount(triangle, area, count)
 
         def mean(values: Float) -> Float:

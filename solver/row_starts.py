@@ -69,7 +69,7 @@ class RowStarts:
     def allotted(self, patches: NDArray[np.int32], rays: int) -> list[tuple[NDArray[np.int32], int]]:
         """Patches by the number of rays of their rows: `rays` or, for those that matter more, up to 2^MORE times as
         many, for those that matter less 2^LESS times."""
-        matters = self._passed_on(self._of_all_cells(self.matters))
+        matters = self._passed_on(self.matters)
         usual = matters.sum() / max(np.count_nonzero(matters), 1)
         level = np.log2(np.maximum(matters[patches], 1e-30) / max(usual, 1e-30))
         level = np.clip(np.round(level), LESS, MORE)
@@ -89,7 +89,7 @@ class RowStarts:
         # Neighbours on a triangle stand together, so that points spread over the sum are spread over the patch.
         order = cells[np.lexsort((side[cells], place[cell_patch[cells]]))]
         row = place[cell_patch[order]]
-        area = self._cells.area(side[order], of_each=True).astype(np.float64)
+        area = self._met.area[order].astype(np.float64)
         counts = AREA_RAYS * area / np.maximum(np.bincount(row, area, len(patches)), 1e-30)[row]
         counts += self._of_all_cells(self.matters)[order]
         begins = np.searchsorted(row, np.arange(len(patches) + 1))
@@ -100,6 +100,7 @@ class RowStarts:
         return np.pad(importance, (0, len(self._cells) - len(importance)))
 
     def _passed_on(self, importance: Float) -> Float:
-        """(patches,) how much of the importance of its cells (cells,) a patch passes on: its reflected part."""
-        reflected = importance * self._met.reflectance.mean(axis=1)
-        return np.asarray(np.bincount(self._cell_patch.values, reflected, len(self._patches)), np.float64)
+        """(patches,) how much of the importance of its cells (some of the first,) a patch passes on: its reflected part."""
+        some = slice(len(importance))
+        reflected = importance * self._met.reflectance[some].mean(axis=1)
+        return np.asarray(np.bincount(self._cell_patch.values[some], reflected, len(self._patches)), np.float64)

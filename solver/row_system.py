@@ -9,9 +9,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .linear import LinearResult, solve_linear
-from .parallel import Run
+from .parallel import Run, shares
 from .rows import Rows
-from .tables import mean_of_hits, padded
+from .tables import CHUNK, LEAST, mean_of_hits, padded
 
 Float = NDArray[np.floating[Any]]
 
@@ -38,10 +38,15 @@ def solve_rows(rows: Sequence[Rows], sky: Callable[[Rows], Float], direct: Float
     for some in rows:
         source[some.patch] = sky(some) + mean_of_hits(table, some.hits, run)
     factor, place = padded(reflectance), np.append(patch, 0)
+    reflected = np.empty_like(factor)
 
     def apply(irradiance: Float) -> Float:
-        out = np.zeros((count, 3), np.float32)
-        reflected = factor * np.take(padded(irradiance), place, axis=0)
+        out, arriving = np.zeros((count, 3), np.float32), padded(irradiance)
+
+        def reflect(part: slice) -> None:
+            np.multiply(factor[part], np.take(arriving, place[part], axis=0), out=reflected[part])
+
+        run.map(reflect, shares(len(place), CHUNK, LEAST))
         for some in rows:
             out[some.patch] = mean_of_hits(reflected, some.hits, run)
         return out

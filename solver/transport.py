@@ -274,8 +274,8 @@ class Transport:
         """
         chosen = np.zeros(len(self.patches), bool)
         table = np.ascontiguousarray(self.leaving().mean(axis=1))
-        for rows in self.rows:
-            chosen[rows.patch] = rows.deviation(table) * weight[rows.patch] > tolerance
+        for rows, deviation in zip(self.rows, self.run.map(lambda rows: rows.deviation(table), self.rows), strict=True):
+            chosen[rows.patch] = deviation * weight[rows.patch] > tolerance
         chosen &= self.patches.level < self.patches.depth
         if chosen.any():
             self.patches.split(np.flatnonzero(chosen))
