@@ -1,7 +1,7 @@
 """Error against time, ours and other programs', as pictures, with the numbers beside them.
 
     python benchmarks/chart.py                                    measure everything, then draw
-    python benchmarks/chart.py --scenes cornell --programs ours cycles oidn --output out/chart
+    python benchmarks/chart.py --scenes cornell --programs ours cycles oidn     of other scenes, the rows stay
     python benchmarks/chart.py --draw                             draw the tables that are there
 
 Writes accuracy.csv, accuracy.png and the tables of accuracy.md (lightmaps), form_factors.csv and form_factors.png
@@ -55,11 +55,22 @@ def measure(scenes: list[str], programs: list[str], rounds: int, output: Path) -
             if run("radiosity.benchmarks.peers.run", scene, "--rounds", str(rounds), "--programs", *baked):
                 sys.exit(f"{scene} could not be measured")
             tables.append((ROOT / "out" / "benchmarks" / scene / "peers.csv").read_text().splitlines())
-        lines = tables[0][:1] + [line for table in tables for line in table[1:]]
+        lines = with_others([line for table in tables for line in table[1:]], tables[0][0], output / "accuracy.csv")
         (output / "accuracy.csv").write_text("\n".join(lines) + "\n")
     if "form_factors" in programs and run("radiosity.benchmarks.form_factors.run", "--output",
                                           str(output / "form_factors.csv"), "--peers"):
         sys.exit("the form factors could not be measured")
+
+
+def with_others(lines: list[str], head: str, table: Path) -> list[str]:
+    """Lines of a table of bakes, its head first: those just measured, and of scenes that were not measured this time
+    those that it has."""
+    measured = {line.split(",")[0] for line in lines}
+    before = table.read_text().splitlines() if table.is_file() else []
+    if before[:1] == [head]:
+        lines = lines + [line for line in before[1:] if line.split(",")[0] not in measured]
+    order = {scene: number for number, scene in enumerate(SCENES)}
+    return [head, *sorted(lines, key=lambda line: order.get(line.split(",")[0], len(order)))]
 
 
 def draw_bakes(table: Path, picture: Path) -> None:
