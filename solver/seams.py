@@ -172,7 +172,7 @@ def _solve(column: Int, weight: Float, anchor: Float, value: Float, check: Calla
         return np.stack([np.bincount(column.ravel(), (weight * rows[:, k, None]).ravel(), count) for k in range(3)], 1)
 
     def differences(x: Float) -> Float:
-        return np.asarray((weight[:, None] @ x[column])[:, 0])
+        return np.asarray((weight[:, None] @ np.take(x, column, axis=0))[:, 0])
 
     def apply(x: Float) -> Float:
         return anchor[:, None] * x + SEAM_WEIGHT * transposed(differences(x))
