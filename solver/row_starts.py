@@ -100,7 +100,7 @@ class RowStarts:
         return np.pad(importance, (0, len(self._cells) - len(importance)))
 
     def _passed_on(self, importance: Float) -> Float:
-        """(patches,) how much of the importance of its cells (the first ones,) a patch passes on: its reflected part."""
+        """(patches,) how much of the importance of its cells (the first,) a patch passes on: its reflected part."""
         some = slice(len(importance))
         reflected = importance * self._met.reflectance[some].mean(axis=1)
         return np.asarray(np.bincount(self._cell_patch.values[some], reflected, len(self._patches)), np.float64)
