@@ -83,7 +83,7 @@ def patch_table(transport: Transport) -> PatchTable:
     return PatchTable(middle, facing, size, surface, sums, backs, out, kept)
 
 
-def _owners(transport: Transport, patch: NDArray[np.int32], triangle: NDArray[np.int32], area: Float,
+def _owners(transport: Transport, patch: NDArray[np.int32], triangle: NDArray[np.integer[Any]], area: Float,
             count: int) -> NDArray[np.int32]:
     """(patches,) int32: the surface that most of each patch's area belongs to."""
     surfaces = transport.geometry.scene.surfaces
