@@ -23,7 +23,7 @@ Float = NDArray[np.floating[Any]]
 
 @dataclass(frozen=True, eq=False)
 class MipMap:
-    """An image and ever smaller ones of the same, each half as wide and high, down to one pixel (Williams 1983).
+    """Ever smaller images of one, each half as wide and high as the one before, down to one pixel (Williams 1983).
 
     pixels : (n, 3) float32 of all, one after another;  first : (k,) where each begins;  size : (k, 2) width and height.
     """
@@ -34,8 +34,8 @@ class MipMap:
 
     @classmethod
     def of(cls, pixels: Float) -> MipMap:
-        """That of an image (height, width, 3)."""
-        images = [pixels]
+        """Those of an image (height, width, 3), which is not among them unless it has but one pixel."""
+        images = [_halved(_halved(pixels, 0), 1)]
         while max(images[-1].shape[:2]) > 1:
             images.append(_halved(_halved(images[-1], 0), 1))
         size = np.array([image.shape[1::-1] for image in images], np.int64)
@@ -80,7 +80,7 @@ class Texture:
 
     @cached_property
     def smaller(self) -> MipMap:
-        """The image, and smaller ones of the same."""
+        """Smaller images of it."""
         return MipMap.of(self.pixels)
 
 

@@ -33,13 +33,17 @@ def looked_up(texture: Texture, uv: Float, width: Float | None = None) -> Float:
     (n, 3) float32.
     """
     lines, columns = texture.pixels.shape[:2]
-    if width is None:
+    across = None if width is None else width * np.float32(np.sqrt(lines * columns)) * TEXEL_SHARE
+    if across is None or not (across >= 2).any():
         return _bilinear(texture.pixels.reshape(-1, 3), 0, columns, lines, uv)
     chain = texture.smaller
-    across = width * np.float32(np.sqrt(lines * columns)) * TEXEL_SHARE
-    level = np.clip(np.log2(np.maximum(across, 1)), 0, len(chain.size) - 1).astype(np.intp)
+    level = np.log2(np.maximum(across, 1)).astype(np.intp)
+    out, fine, coarse = np.empty((len(uv), 3), np.float32), np.flatnonzero(level < 1), np.flatnonzero(level >= 1)
+    out[fine] = _bilinear(texture.pixels.reshape(-1, 3), 0, columns, lines, uv[fine])
+    level = np.minimum(level[coarse], len(chain.size)) - 1
     columns, lines = chain.size[level].T
-    return _bilinear(chain.pixels, chain.first[level], columns, lines, uv)
+    out[coarse] = _bilinear(chain.pixels, chain.first[level], columns, lines, uv[coarse])
+    return out
 
 
 def _bilinear(pixels: Float, first: Any, columns: Any, lines: Any, uv: Float) -> Float:
