@@ -134,7 +134,8 @@ def test_values_of_lumels_come_back_to_their_texels():
 def test_the_chart_draws_what_its_table_holds_and_refuses_an_empty_folder(tmp_path):
     with pytest.raises(SystemExit, match="measure first"):
         chart.main(["--draw", "--output", str(tmp_path)])
-    rows = ["scene,program,seconds,rms", "box,ours,1,.02", "box,ours,3,.01", "box,cycles,4,.09", "hall,mitsuba,5,.2"]
+    rows = ["scene,program,seconds,rms,rms_low,rms_high", "box,ours,1,.02,.01,.03", "box,ours,3,.01,0,.02",
+            "box,cycles,4,.09,.08,.1", "hall,mitsuba,5,.2,.1,.3"]
     (tmp_path / "accuracy.csv").write_text("\n".join(rows) + "\n")
     chart.main(["--draw", "--output", str(tmp_path)])
     assert (tmp_path / "accuracy.png").read_bytes().startswith(b"\x89PNG")
