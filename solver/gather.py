@@ -38,7 +38,7 @@ LEAST_RAYS = 2**13
 # Rays between two looks at what cells are new.
 PASS_RAYS = 2**22
 # A receiver is confined if this part of its rays meet a patch nearer than NEAR_PATCHES times its width. Such rays go
-# on, this often at most, and so do rays of other receivers that meet a back so near.
+# on, and so do rays of other receivers that meet a back so near; their last hit, of so many, asks its patch.
 CONFINED = 0.4
 NEAR_PATCHES = 0.5
 MOST_BOUNCES = 4

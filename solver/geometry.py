@@ -173,4 +173,3 @@ class Geometry:
                     width = np.take(self._width_in_image, triangle[rows]) * np.sqrt(share[rows])
                 out[rows] = looked_up(texture, place, width)
         return out
-

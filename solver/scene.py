@@ -17,39 +17,9 @@ from numpy.typing import ArrayLike, NDArray
 from .errors import SceneError
 from .lights import Light
 from .linking import Links, links_of
+from .textures import MipMap
 
 Float = NDArray[np.floating[Any]]
-
-
-@dataclass(frozen=True, eq=False)
-class MipMap:
-    """Ever smaller images of one, each half as wide and high as the one before, down to one pixel (Williams 1983).
-
-    pixels : (n, 3) float32 of all, one after another;  first : (k,) where each begins;  size : (k, 2) width and height.
-    """
-
-    pixels: Float
-    first: NDArray[np.int64]
-    size: NDArray[np.int64]
-
-    @classmethod
-    def of(cls, pixels: Float) -> MipMap:
-        """Those of an image (height, width, 3), which is not among them unless it has but one pixel."""
-        images = [_halved(_halved(pixels, 0), 1)]
-        while max(images[-1].shape[:2]) > 1:
-            images.append(_halved(_halved(images[-1], 0), 1))
-        size = np.array([image.shape[1::-1] for image in images], np.int64)
-        first = np.cumsum(size.prod(axis=1)) - size.prod(axis=1)
-        return cls(np.concatenate([image.reshape(-1, 3) for image in images]), first, size)
-
-
-def _halved(pixels: Float, axis: int) -> Float:
-    """An image half as long along one axis; what is over at the end stands for itself."""
-    even, odd = (slice(None),) * axis + (slice(0, None, 2),), (slice(None),) * axis + (slice(1, None, 2),)
-    out: Float = pixels[even].copy()
-    pairs = (slice(None),) * axis + (slice(0, pixels.shape[axis] // 2),)
-    out[pairs] = (out[pairs] + pixels[odd]) / np.float32(2)
-    return out
 
 
 @dataclass(frozen=True, eq=False)

@@ -1,23 +1,56 @@
 """What textures show: at points, or of small pieces of surface about points.
 
-A cell of the solver is seen at a few points only, and may hold hundreds of texels: what is asked there are texels about
-as large as the cell, each the mean of what it covers (a mip map: Williams 1983).
+A cell of the solver is seen at a few points only, and may hold hundreds of texels: what is asked there are texels a
+quarter to half as wide as the cell, each the mean of what it covers (a mip map: Williams 1983).
 """
 
 from __future__ import annotations
 
-from typing import Any
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from .scene import Texture
+if TYPE_CHECKING:
+    from .scene import Texture
 
 Float = NDArray[np.floating[Any]]
 
 # A piece of surface is looked at by texels that are at most so wide, beside itself: filtering reads two of them, which
 # must not reach far into what lies beside the piece in the image.
 TEXEL_SHARE = np.float32(0.5)
+
+
+@dataclass(frozen=True, eq=False)
+class MipMap:
+    """Ever smaller images of one, each half as wide and high as the one before, down to one pixel (Williams 1983).
+
+    pixels : (n, 3) float32 of all, one after another;  first : (k,) where each begins;  size : (k, 2) width and height.
+    """
+
+    pixels: Float
+    first: NDArray[np.int64]
+    size: NDArray[np.int64]
+
+    @classmethod
+    def of(cls, pixels: Float) -> MipMap:
+        """Those of an image (height, width, 3), which is not among them unless it has but one pixel."""
+        images = [_halved(_halved(pixels, 0), 1)]
+        while max(images[-1].shape[:2]) > 1:
+            images.append(_halved(_halved(images[-1], 0), 1))
+        size = np.array([image.shape[1::-1] for image in images], np.int64)
+        first = np.cumsum(size.prod(axis=1)) - size.prod(axis=1)
+        return cls(np.concatenate([image.reshape(-1, 3) for image in images]), first, size)
+
+
+def _halved(pixels: Float, axis: int) -> Float:
+    """An image half as long along one axis; what is over at the end stands for itself."""
+    even, odd = (slice(None),) * axis + (slice(0, None, 2),), (slice(None),) * axis + (slice(1, None, 2),)
+    out: Float = pixels[even].copy()
+    pairs = (slice(None),) * axis + (slice(0, pixels.shape[axis] // 2),)
+    out[pairs] = (out[pairs] + pixels[odd]) / np.float32(2)
+    return out
 
 
 def looked_up(texture: Texture, uv: Float, width: Float | None = None) -> Float:
