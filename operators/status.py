@@ -22,6 +22,14 @@ def redraw_views(context: Any) -> None:
         area.tag_redraw()
 
 
+def redraw_looks(context: Any) -> None:
+    """Let what all 3D viewports show draw anew, without their panels."""
+    for area in _viewports(context):
+        for region in area.regions:
+            if region.type == "WINDOW":
+                region.tag_redraw()
+
+
 def _viewports(context: Any) -> list[Any]:
     return [area for window in context.window_manager.windows for area in window.screen.areas
             if area.type == "VIEW_3D"]

@@ -10,7 +10,7 @@ from ..radiosity_addon.job import Job
 from ..radiosity_addon.look import Look
 from ..radiosity_addon.parts import Parts, some
 from ..solver.errors import Cancelled, RadiosityError
-from .status import redraw_views, show_status
+from .status import redraw_looks, redraw_views, show_status
 
 # Seconds between two looks at the work, and between two changes of what is told of it.
 TICK, TOLD = 0.02, 0.1
@@ -27,6 +27,7 @@ class Working:
         self._parts: Parts[Any] | None = job.exporting()
         self._look: Look | None = None
         self._told, self._line = 0.0, ""
+        self._drawings, self._rested = look_overlay.drawings(), False
         manager = context.window_manager
         manager.progress_begin(0, 100)
         self._timer = manager.event_timer_add(TICK, window=context.window)
@@ -61,6 +62,8 @@ class Working:
 
     def _tick(self, context: Any) -> Any:
         """One step of the work that is Blender's thread's; what came of the job, at its end."""
+        if self._rests():
+            return None
         self._tell_progress(context)
         look = self._job.look
         is_ready = look_overlay.is_ready(look)
@@ -68,7 +71,7 @@ class Working:
             # The view first.
             if is_ready or look_overlay.prepare(look):
                 self._look = look
-                redraw_views(context)
+                redraw_looks(context)
             return None
         if self._parts is None:
             if not self._job.is_done:
@@ -84,6 +87,13 @@ class Working:
                 self._job.start()
             return end.value
         return None
+
+    def _rests(self) -> bool:
+        """Whether a viewport was drawn just now: the window answers the user before more is worked, every other time
+        at least."""
+        before, self._drawings = self._drawings, look_overlay.drawings()
+        self._rested = before != self._drawings and not self._rested
+        return self._rested
 
     def _tell_progress(self, context: Any) -> None:
         """In the status bar and the panels, now and then, if there is news."""

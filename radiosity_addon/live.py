@@ -19,6 +19,7 @@ from typing import Any
 
 from ..solver.bake import bake
 from ..solver.errors import Cancelled, RadiosityError
+from ..solver.geometry import Geometry
 from ..solver.layout import Layout, make_layout
 from ..solver.result import Bake
 from ..solver.scene import Scene
@@ -99,9 +100,11 @@ class LiveJob(Job):
             layout = None
             if settings.target == "lightmap":
                 layout = make_layout(scene, settings, self.warnings, self._unwrapping)
+        # Made once: Embree's build takes all cores, and a window that draws a draft meanwhile would have none.
+        geometry = Geometry(scene)
         for step in steps(settings, layout):
             try:
-                self._kept = self._step(scene, step)
+                self._kept = self._step(geometry, step)
             except Cancelled:
                 # Cancelled, or good enough: then the last draft stays.
                 if self._cancel.is_set() or self._kept is None:
@@ -114,13 +117,14 @@ class LiveJob(Job):
             warn(self.warnings, "", "no_groups", "good enough keeps no light groups: let the bake end to relight")
         return self._kept
 
-    def _step(self, scene: Scene, step: Step) -> Bake:
+    def _step(self, geometry: Geometry, step: Step) -> Bake:
         assert self._groups is not None
         if step.is_result:
-            return bake(scene, step.settings, self.progress, self._is_over, self._groups.for_solver, step.layout,
-                        keep_paths=self.request.keep_paths)
+            return bake(geometry.scene, step.settings, self.progress, self._is_over, self._groups.for_solver,
+                        step.layout, keep_paths=self.request.keep_paths, geometry=geometry)
         with self._timed(DRAFT):
-            draft = bake(scene, step.settings, self._as_stage(DRAFT), self._is_over, layout=step.layout)
+            draft = bake(geometry.scene, step.settings, self._as_stage(DRAFT), self._is_over, layout=step.layout,
+                         geometry=geometry)
         # The wish is the user's, the estimate the draft's own.
         error = {**draft.report["error"], "wanted": self.request.settings.error}
         return replace(draft, report={**draft.report, "error": error, "good_enough": True})

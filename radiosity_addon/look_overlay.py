@@ -18,9 +18,11 @@ NOTHING = Look("", np.zeros((1, 3, 3), np.float32), np.zeros((1, 3, 2), np.float
                np.zeros((1, 3, 3), np.float32), ())
 # How far the light lies before its surfaces, as part of the depth buffer's range.
 NEARER = 2e-5
-# Triangles that are handed to the graphics card in one go, about so many seconds of that at a time, and pieces that are
-# drawn for the first time in one go: where a driver draws in software, it makes room for them then.
-PIECE, PART, NEW_PIECES = 2**13, 0.02, 4
+# Triangles that are handed to the graphics card in one go, about so many seconds of that at a time, and about how many
+# seconds pieces may take that are drawn for the first time: where a driver draws in software, it makes room for them.
+PIECE, PART, FIRST_DRAWING = 2**13, 0.02, 0.03
+# How much faster than thought such a drawing may turn out in one go.
+FASTER = 1.5
 # Seconds that a viewport has for drawing these before more are made; it may be hidden.
 PATIENCE = 0.25
 
@@ -48,12 +50,13 @@ Drawing = list[tuple[Any, Any]]
 
 @dataclass
 class _Drawn:
-    """A look, the textures and batches that draw it, and what there is yet to do for these; how many of them are to be
-    drawn, whether that is all, how many have been drawn, and until when to wait for the others."""
+    """A look, the textures and batches that draw it, what there is yet to do for these and whether it is done; how many
+    of them are to be drawn, whether that is all, how many have been drawn, and until when to wait for the others."""
 
     look: Look
     drawing: Drawing
     making: Parts[None]
+    is_made: bool = False
     count: int = 0
     is_whole: bool = False
     seen: int = 0
@@ -66,6 +69,9 @@ _handles: list[Any] = []
 _shader: list[Any] = []
 _drawn: list[_Drawn] = []
 _expected: list[bool] = []
+# How often viewports were drawn, and seconds that a piece takes when first drawn.
+_count = [0]
+_pace = [FIRST_DRAWING / 3]
 
 
 def attach() -> None:
@@ -89,8 +95,14 @@ def expect(area: Any) -> None:
         area.tag_redraw()
 
 
+def drawings() -> int:
+    """How often viewports were drawn so far."""
+    return _count[0]
+
+
 def _draw() -> None:
     job, context = Job.current, bpy.context
+    _count[0] += 1
     if not _shader and (_expected or job is not None):
         # Drivers translate a shader when it first draws, if only a point.
         _shader.append(_made())
@@ -106,7 +118,11 @@ def _draw() -> None:
     if job.look is None:
         _drawn.clear()
     for drawn in _drawn:
+        begun = time.perf_counter()
         _show(drawn.drawing[:drawn.count], context)
+        if drawn.seen < drawn.count:
+            # Some drivers begin later than they are told to: a drawing that took no time is not believed at once.
+            _pace[0] = max((time.perf_counter() - begun) / (drawn.count - drawn.seen), _pace[0] / FASTER)
         drawn.seen = drawn.count
 
 
@@ -127,15 +143,20 @@ def prepare(look: Look | None) -> bool:
     newest = _drawn[-1]
     if newest.seen < newest.count and time.monotonic() < newest.until:
         return False
-    try:
-        some(newest.making, PART)
-    except StopIteration:
-        newest.is_whole, newest.count = True, len(newest.drawing)
+    if not newest.is_made:
+        try:
+            some(newest.making, PART)
+        except StopIteration:
+            newest.is_made = True
+    new = max(1, int(FIRST_DRAWING / max(_pace[0], 1e-6)))
+    ready = min(len(newest.drawing), newest.count + new)
+    if newest.is_made and ready == len(newest.drawing):
+        newest.is_whole, newest.count = True, ready
         _drawn[:] = [newest]
         return True
-    if len(newest.drawing) < newest.count + NEW_PIECES:
+    if ready < newest.count + new:
         return False
-    newest.count, newest.until = len(newest.drawing), time.monotonic() + PATIENCE
+    newest.count, newest.until = ready, time.monotonic() + PATIENCE
     return True
 
 

@@ -95,14 +95,14 @@ class _Work:
 
     def __init__(self, scene: Scene, settings: Settings, progress: Progress | None,
                  cancelled: Callable[[], bool] | None, groups: Sequence[LightGroup] = (), *,
-                 keep_paths: bool = False) -> None:
+                 keep_paths: bool = False, geometry: Geometry | None = None) -> None:
         self.scene, self.settings, self._keep_paths = scene, settings, keep_paths
         self.paths: Paths | None = None
         self.run = Run(settings.thread_count, progress, cancelled)
         self.stages = Stages(self.run)
         self.warnings: list[dict[str, Any]] = []
         with self.stages("prepare"):
-            self.geometry = Geometry(scene)
+            self.geometry = geometry or Geometry(scene)
             self.split: Split | None = None
             if groups:
                 self.lights, self.sampled_emitter, self.split = split_lights(self.geometry, groups, settings.passes)
@@ -283,7 +283,7 @@ class _Work:
 
 def bake(scene: Scene, settings: Settings, progress: Progress | None = None,
          cancelled: Callable[[], bool] | None = None, groups: Sequence[LightGroup] = (),
-         layout: Layout | None = None, *, keep_paths: bool = False) -> Bake:
+         layout: Layout | None = None, *, keep_paths: bool = False, geometry: Geometry | None = None) -> Bake:
     """Bake a scene: the whole way of the light.
 
     Parameters
@@ -294,6 +294,7 @@ def bake(scene: Scene, settings: Settings, progress: Progress | None = None,
     groups : lights to be kept apart; the result is the same, and the groups add up to it.
     layout : where the light goes, from `make_layout` for these settings; None makes it.
     keep_paths : keep what other reflectances need, so that `relight` can follow them; the result is the same.
+    geometry : the scene's, where it is baked more than once; None makes it.
 
     Returns
     -------
@@ -305,7 +306,7 @@ def bake(scene: Scene, settings: Settings, progress: Progress | None = None,
     NothingToBake, UnwrapError, SceneError, Cancelled
         See `solver.errors`.
     """
-    work = _Work(scene, settings, progress, cancelled, groups, keep_paths=keep_paths)
+    work = _Work(scene, settings, progress, cancelled, groups, keep_paths=keep_paths, geometry=geometry)
     if settings.target == "vertex":
         return _bake_vertices(work)
     with work.stages("lumels"):

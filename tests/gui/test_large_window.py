@@ -53,14 +53,16 @@ def test_the_window_is_never_kept_for_long(seen: dict[str, Any]) -> None:
 def test_a_bake_keeps_the_window_hardly_longer_than_it_keeps_itself(seen: dict[str, Any]) -> None:
     # By the clock, while Blender's thread reads and the worker drafts; drawn in software, the window is late by itself.
     quiet_or_skip(seen)
-    late = {what: seen["gaps"][what] - seen["gaps"]["idle"] for what in ("export", "unwrap", "draft")}
+    # A stage that is over within one look at the window has no gap of its own.
+    assert {"export", "draft"} <= set(seen["gaps"])
+    late = {what: seen["gaps"].get(what, 0.0) - seen["gaps"]["idle"] for what in ("export", "unwrap", "draft")}
     assert max(late.values()) < LONGEST_CALL
 
 
 def test_the_interpreter_is_never_kept_for_long(seen: dict[str, Any]) -> None:
     # What the worker calls may keep Python's lock, and the window waits for it: by the clock, another thread's wait.
     quiet_or_skip(seen)
-    assert {"export", "unwrap", "draft"} <= set(seen["held"])
+    assert {"export", "draft"} <= set(seen["held"])
     assert {what: seconds for what, seconds in seen["held"].items() if seconds > LONGEST_CALL and what != "idle"} == {}
 
 

@@ -10,6 +10,7 @@ import sys
 import numpy as np
 import pytest
 from radiosity.solver import Settings, Sky, bake, tables
+from radiosity.solver.geometry import Geometry
 from radiosity.solver.lamps import Point
 from radiosity.solver.sampling import combined
 from radiosity.tests.solver.rooms import CEILING, box, quad, shape
@@ -51,6 +52,14 @@ def test_one_thread_and_two_bake_the_same_corner_colours(by_two):
 def test_one_thread_and_two_bake_the_same_images():
     # Lumels have what corners lack: an atlas, neighbours, smoothing, dilation.
     _same(*(bake(_scene(), Settings(error=0.1, threads=threads, texel_density=6.0)) for threads in (1, 2)))
+
+
+def test_a_geometry_serves_more_than_one_bake(by_two):
+    # Drafts and result share one: what the first bake has looked up in it changes nothing in the second.
+    geometry = Geometry(_scene())
+    for _ in range(2):
+        done = bake(geometry.scene, Settings(error=0.1, threads=2, target="vertex"), geometry=geometry)
+        _same(done, by_two)
 
 
 def products():
