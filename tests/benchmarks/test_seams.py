@@ -9,9 +9,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 from radiosity.benchmarks import seams as benchmark
-from radiosity.solver.finish import to_images
 from radiosity.solver.seam_samples import seam_samples
-from radiosity.solver.seams import seam_taps, texel_of
+from radiosity.solver.seams import seam_taps
 from radiosity.tests.solver import test_seams as squares
 
 ROOT = Path(__file__).resolve().parents[2]
