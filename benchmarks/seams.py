@@ -11,10 +11,10 @@ object to another that is not flush with it, light really has a step):
     usual   mean difference of neighbours in a chart, over all lumels of the scene
     all     the first, over all pairs
 
-`seam / inside` and `shown / usual` are what a seam may not have more than 1.2 of. `shown / usual` leaves nothing out and
-is what is seen. `seam / inside` compares like with like: for `seam` and `inside` those pairs count whose lumels face the same way (in a narrow strip
-of a smooth surface the shading normal turns by tens of degrees from one chart to the next, and the light with it), and
-are about as far apart as the lumels of their charts are, to a factor of `--as-far`.
+`seam / inside` and `shown / usual` may be 1.2 at most. `shown / usual` leaves nothing out and is what is seen.
+`seam / inside` compares like with like: those pairs count whose lumels face the same way (in a narrow strip of a smooth
+surface the shading normal turns by tens of degrees from one chart to the next, and the light with it), and are about as
+far apart as the lumels of their charts are, to a factor of `--as-far`.
 """
 
 from __future__ import annotations
