@@ -311,7 +311,7 @@ def bake(scene: Scene, settings: Settings, progress: Progress | None = None,
         return _bake_vertices(work)
     with work.stages("lumels"):
         lumels = lay_out(scene, settings, work.warnings, work.run.step, layout)
-        samples = seam_samples(lumels, scene, work.run.check)
+        samples = seam_samples(lumels, scene, work.run.check, work.geometry.solid)
         near = Neighbours(lumels, links(samples, lumels, scene))
         work.run.check()
     direct, bounced = work.light(lumels.receivers, near)

@@ -74,6 +74,11 @@ class Geometry:
                         self._visibility_of(np.flatnonzero(casts_shadow)))
 
     @cached_property
+    def solid(self) -> Visibility:
+        """Rays that every triangle stops, whatever shadows it casts and holes it has."""
+        return self.visibility if type(self.visibility) is Visibility else Visibility(self.corners)
+
+    @cached_property
     def surface(self) -> NDArray[np.int32]:
         """(t,) int32: the surface that each triangle is of."""
         return surface_of_triangle(self.scene)

@@ -57,8 +57,10 @@ class SeamSamples:
         return SeamSamples(self.triangle[index], self.uv[index])
 
 
-def seam_samples(lumels: Lumels, scene: Scene, check: Callable[[], None] = lambda: None) -> SeamSamples:
-    """One sample a texel along all seams of smooth surfaces; `check` is called now and then, and may raise."""
+def seam_samples(lumels: Lumels, scene: Scene, check: Callable[[], None] = lambda: None,
+                 solid: Visibility | None = None) -> SeamSamples:
+    """One sample a texel along all seams of smooth surfaces; `check` is called now and then, and may raise; `solid` is
+    `Geometry.solid`, made if not given."""
     surface = surface_of_triangle(scene)
     page = lumels.page_of_surface[surface]
     laid = np.flatnonzero(page >= 0)
@@ -88,7 +90,7 @@ def seam_samples(lumels: Lumels, scene: Scene, check: Callable[[], None] = lambd
     triangle, edge = np.nonzero(~joined[laid])
     corners = scene.vertices[scene.triangles] - scene.origin
     check()
-    visibility = Visibility(np.asarray(corners, np.float32))
+    visibility = solid or Visibility(np.asarray(corners, np.float32))
     check()
     touching = _touching(corners, visibility, uv, normal, page, sizes, laid[triangle], edge)
     check()
