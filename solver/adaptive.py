@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 from .estimator import TRIMMED_FRACTION
 from .fans import Fans
 from .gather import Gather, Look
-from .kernels import Kernels, kernels
+from .kernels import Kernel, Kernels, among, around, for_all, kernels
 from .neighbours import Neighbours
 from .parallel import Run
 from .plan import Plan
@@ -44,6 +44,9 @@ PRIOR = 0.2
 LONE_PRIOR = 0.6
 # A receiver stands out, as a speckle, if its error is this many times what is wanted on the average.
 SPECKLE = 3.0
+# Filtered light stands alone if it is so many times further from the mean of those beside than any of them is, at least
+# so many, and by more than the error that is wanted on the average; it is looked at with so many times the rays.
+ALONE, LEAST_BESIDE, CLOSER = 2.0, 5, 16
 # The least mean square error that is worth a ray, W2/m4: far below any light that matters, far above zero.
 DARK = 1e-30
 # A look is not worth its while if the error is within this factor of what is wanted.
@@ -100,8 +103,16 @@ def gather_adaptively(transport: Transport, fans: Fans, plan: Plan, level: float
             break
         _go_on(gather, fans, looks, rays, factor, seed, run)
         errors = _errors(looks, near, run, np.flatnonzero(factor > 1), errors)
-    smoothed = [_smoothed(*part, near, run, rare=bool(number)) for number, part in enumerate(_parts(looks))]
-    value = np.sum(smoothed, axis=0) / 2
+    value = _value(looks, near, run)
+    if near is not None:
+        alone = _standing_alone(light_of(value).mean(axis=1), near[0], float(np.sqrt(wanted)), run)
+        if len(alone):
+            factor = np.ones(len(fans))
+            factor[alone] = 2.0 ** np.floor(np.log2(np.minimum(CLOSER, MOST_FACTOR * half / rays[alone])))
+            _go_on(gather, fans, looks, rays, factor, seed, run)
+            needed = around(alone, [*near, *near])
+            again = _value([look[needed] for look in looks], among(needed, near), run)
+            value[alone] = again[np.searchsorted(needed, alone)]
     return Gathered(value[:, :3], value[:, 3:6], value[:, 6:], np.sum(errors, axis=0))
 
 
@@ -136,6 +147,32 @@ def _parts(looks: list[Float]) -> list[tuple[Float, Float]]:
     first, second = looks
     count = 2 if first[:, 1].any() or second[:, 1].any() else 1
     return [(np.ascontiguousarray(first[:, part]), np.ascontiguousarray(second[:, part])) for part in range(count)]
+
+
+def _value(looks: list[Float], near: Kernels | None, run: Run) -> Float:
+    """(n, 6 ...) the mean of two looks, smoothed if neighbours are known."""
+    smoothed = [_smoothed(*part, near, run, rare=bool(number)) for number, part in enumerate(_parts(looks))]
+    return np.asarray(np.sum(smoothed, axis=0) / 2)
+
+
+def _standing_alone(light: Float, kernel: Kernel, least: float, run: Run) -> Int:
+    """Receivers whose light (n,) is by `least` and more unlike that of all beside them, which is alike.
+
+    Where both looks happened to err alike, noise looks like light. Among many receivers there are some.
+    """
+    out = np.zeros(len(light), np.bool_)
+
+    def work(part: slice) -> None:
+        there = kernel.weights[part] > 0
+        count = there.sum(axis=1)
+        beside = np.take(light, kernel.others[part])
+        mean = np.where(there, beside, 0).sum(axis=1) / np.maximum(count, 1)
+        spread = np.where(there, np.abs(beside - mean[:, None]), 0).max(axis=1)
+        apart = np.abs(light[part] - mean)
+        out[part] = (count >= LEAST_BESIDE) & (apart > ALONE * spread) & (apart > least)
+
+    for_all(work, len(light), run)
+    return np.flatnonzero(out)
 
 
 def _smoothed(first: Float, second: Float, near: Kernels | None, run: Run, *, rare: bool) -> Float:

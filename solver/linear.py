@@ -63,7 +63,7 @@ def solve_linear(apply: Callable[[Float], Float], right: Float, tolerance: float
     """
     shape = right.shape
     b = np.asarray(right, np.float64).reshape(-1)
-    norm = float(np.linalg.norm(b))
+    norm = _norm(b)
     x = np.zeros_like(b)
     residuals: list[float] = []
     if norm == 0:
@@ -77,28 +77,37 @@ def solve_linear(apply: Callable[[Float], Float], right: Float, tolerance: float
     outcome = "capped"
     residual = b.copy()
     while len(residuals) < MOST_PRODUCTS:
-        start = float(np.linalg.norm(residual)) / norm
+        start = _norm(residual) / norm
         step, history = _cycle(operator, residual, norm, tolerance, MOST_PRODUCTS - len(residuals))
         x += step
         residuals += history
         residual = b - operator(x)
-        now = float(np.linalg.norm(residual)) / norm
+        now = _norm(residual) / norm
         residuals.append(now)
         if now <= tolerance * 1.01:
             outcome = "converged"
             break
         if now > STALL * start:
-            rounding = ROUNDING * float(np.linalg.norm(x)) / norm
+            rounding = ROUNDING * _norm(x) / norm
             outcome = "converged" if now <= min(max(rounding, GOOD_ENOUGH), TOO_MUCH) else "stalled"
             break
     return LinearResult(x.reshape(shape), outcome, tuple(residuals))
+
+
+def _dot(first: Float, second: Float) -> float:
+    """Without BLAS, whose threads wait for one another: where other programs work too, longer than the sum takes."""
+    return float(np.einsum("i,i->", first, second))
+
+
+def _norm(vector: Float) -> float:
+    return float(np.sqrt(_dot(vector, vector)))
 
 
 def _cycle(operator: Callable[[Float], Float], residual: Float, norm: float, tolerance: float,
            most: int) -> tuple[Float, list[float]]:
     """One restart: the step that makes the residual smallest in the Krylov space, and its history."""
     steps = max(1, min(RESTART, most))
-    beta = float(np.linalg.norm(residual))
+    beta = _norm(residual)
     basis = [residual / beta]
     hessenberg = np.zeros((steps + 1, steps))
     history: list[float] = []
@@ -106,9 +115,9 @@ def _cycle(operator: Callable[[Float], Float], residual: Float, norm: float, tol
     for k in range(steps):
         vector = operator(basis[k])
         for j in range(k + 1):
-            hessenberg[j, k] = basis[j] @ vector
+            hessenberg[j, k] = _dot(basis[j], vector)
             vector = vector - hessenberg[j, k] * basis[j]
-        hessenberg[k + 1, k] = np.linalg.norm(vector)
+        hessenberg[k + 1, k] = _norm(vector)
         right = np.zeros(k + 2)
         right[0] = beta
         y = np.linalg.lstsq(hessenberg[: k + 2, : k + 1], right, rcond=None)[0]

@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from radiosity.solver.adaptive import RATE, SPECKLE, _errors, _factors, _groups, _speckle_factors
+from radiosity.solver.adaptive import RATE, SPECKLE, _errors, _factors, _groups, _speckle_factors, _standing_alone
+from radiosity.solver.kernels import Kernel
+from radiosity.solver.parallel import Run
 
 COUNT = 5000
 
@@ -82,3 +84,44 @@ def test_only_receivers_that_stand_out_get_rays_where_the_mean_is_good():
     # Errors of what is wanted, and of 8^RATE times what counts as a speckle: none, and 8 times the rays; then the most.
     error = np.array([1.0, 8**RATE * SPECKLE**2, 1e9])
     assert _speckle_factors(error, 1.0, np.full(3, 32.0)) == pytest.approx([1, 8, 32])
+
+
+SIDE = 12
+
+
+def _grid():
+    """The kernel of SIDE x SIDE receivers in a square, eight neighbours each but at its edge."""
+    row, column = np.divmod(np.arange(SIDE**2), SIDE)
+    steps = [(dy, dx) for dy in (-1, 0, 1) for dx in (-1, 0, 1) if (dy, dx) != (0, 0)]
+    y, x = (np.stack([place + step[axis] for step in steps], 1) for axis, place in ((0, row), (1, column)))
+    there = (y >= 0) & (y < SIDE) & (x >= 0) & (x < SIDE)
+    return Kernel(np.where(there, y * SIDE + x, 0), np.where(there, np.float32(0.5), np.float32(0)),
+                  np.ones(SIDE**2, np.float32))
+
+
+def _alone(change, least=0.1):
+    light = np.ones((SIDE, SIDE))
+    change(light)
+    return _standing_alone(light.reshape(-1), _grid(), least, Run(2, None, None)).tolist()
+
+
+def test_a_speckle_stands_alone_bright_or_dark():
+    # One receiver 20 % brighter than all beside it, another 20 % darker; one by 5 %, which is less than is looked for.
+    def change(light):
+        light[3, 4], light[8, 8], light[6, 2] = 1.2, 0.8, 1.05
+    assert _alone(change) == [3 * SIDE + 4, 8 * SIDE + 8]
+
+
+def test_edges_lines_and_slopes_do_not_stand_alone():
+    # The edge of a shadow, a strip one receiver wide, a steep slope, and a pair: each has some like it beside it.
+    assert _alone(lambda light: np.copyto(light[:, 6:], 3.0)) == []
+    assert _alone(lambda light: np.copyto(light[:, 6], 3.0)) == []
+    assert _alone(lambda light: np.multiply(light, np.arange(SIDE), out=light)) == []
+    assert _alone(lambda light: np.copyto(light[5, 5:7], 3.0)) == []
+
+
+def test_a_receiver_with_few_beside_is_left_as_it_is():
+    # In the corner of the square there are three neighbours: too few to say what is usual.
+    def change(light):
+        light[0, 0] = 3.0
+    assert _alone(change) == []
