@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 import os
 from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
 from typing import Any
 
 import bpy
@@ -91,19 +92,24 @@ def _texture(name: str, stored: Float, decode: Callable[[Float], Float], materia
     height, width = stored.shape[:2]
     # An image that is enlarged is small.
     rows = height if max(width, height) <= SMALL_SIDE else max(1, PART_PIXELS // width)
-    decoded, brightest = [], 0.0
-    for start in range(0, height, rows):
+
+    def read(start: int) -> tuple[Float, float, bool]:
         pixels = decode(stored[start:start + rows])
-        if not np.isfinite(pixels).all() or pixels.min() < 0:
-            warn(warnings, material, "texture", f"image {name!r} has values that are negative or not finite: "
-                 "they count as black")
+        is_light = bool(np.isfinite(pixels).all() and pixels.min() >= 0)
+        if not is_light:
             pixels = np.clip(np.nan_to_num(pixels, nan=0.0, posinf=0.0, neginf=0.0), 0.0, None)
-        brightest = max(brightest, float(pixels.max()))
-        decoded.append(np.minimum(pixels, np.float32(highest)))
+        return np.minimum(pixels, np.float32(highest)), float(pixels.max()), is_light
+
+    with ThreadPoolExecutor() as pool:
+        parts = list(pool.map(read, range(0, height, rows)))
+    if not all(is_light for _, _, is_light in parts):
+        warn(warnings, material, "texture", f"image {name!r} has values that are negative or not finite: "
+             "they count as black")
+    brightest = max(brightest for _, brightest, _ in parts)
     if brightest > 1 and math.isfinite(highest):
         warn(warnings, material, "reflectance", f"its image {name!r} has values up to {brightest:g}: they are "
              f"held to {highest}, choose a darker one")
-    made = Texture(_shrunk(np.concatenate(decoded)), name)
+    made = Texture(_shrunk(np.concatenate([pixels for pixels, _, _ in parts])), name)
     # Worked out here, where no window waits, and kept.
     _ = made.mean
     return made
