@@ -27,9 +27,9 @@ SEAM_WEIGHT, LUMEL_WEIGHT, MARGIN_WEIGHT = 4.0, 1.5, 0.1
 # A step of up to this many times the error of the light on both sides may be noise, and a lumel beside it has
 # `LUMEL_WEIGHT`. Larger ones are what lumels are too coarse for, the edge of a shadow that both charts sample in other
 # places: lumels that are moved there get wrong, so that their weight grows with the square of the step, up to so many
-# times. No one step does for all scenes: where a tenth of the light was taken for noise, classroom at an error of .1 kept
-# 1.37 times the steps of lumels inside charts, and with lumels light enough for that, truck_town's twin, which has little
-# noise, came from .73 to .80 per cent.
+# times. No one step does for all scenes: where a tenth of the light was taken for noise, classroom at an error of .1
+# kept 1.37 times the steps of lumels inside charts, and with lumels light enough for that, truck_town's twin, which has
+# little noise, came from .73 to .80 per cent.
 NOISY, STIFFEST = 3.0, 100.0
 TOLERANCE, MOST_STEPS = 1e-4, 60
 
