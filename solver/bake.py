@@ -75,6 +75,8 @@ REFINE_SHARE = 3.0
 COMPLETE_CELLS = 2**18
 # Cells are divided in which the lamps' light varies by more than this many times the wanted error of the mean light.
 STEEP = 24.0
+# Of more lamps than this, cells make do with the least shadow rays to each: together they are many.
+FEW_LAMPS = 16
 # All rows are traced anew, with MORE_RAYS times the rays, while their noise shifts the mean light by more than this
 # part of the wanted error; so often at most, and while all rows hold no more hits (up to 17 bytes each).
 LEVEL_SHARE, MORE_RAYS, MOST_RETRACED, MOST_HITS = 0.12, 4, 2, 3 * 2**24
@@ -134,6 +136,8 @@ class _Work:
                              float(looks.weight.sum()) / self.plan.patches)
             cells = Cells(self.geometry, self.plan.cell_size)
             transport = Transport(self.geometry, self.direct, self.sampled_emitter, cells, patches, seed, self.run)
+            if len(self.lights) <= FEW_LAMPS:
+                transport.met.samples = self.plan.cell_samples
             transport.met.steep = STEEP * self.settings.error * (self.lamps + looks.straight)
             step = max(1, len(places) * PILOT_RAYS // pilot)
             self.fans = Fans(places)

@@ -14,6 +14,7 @@ from .geometry import Geometry
 from .growing import Growing
 from .parallel import Run, shares
 from .patches import Spots
+from .plan import CELL_SAMPLES
 from .sampling import kronecker, shifted, shifts
 from .seen import Seen, SeenFootprints
 
@@ -23,8 +24,8 @@ Int = NDArray[np.integer[Any]]
 CHUNK_CELLS = 2**15
 # Fewer cells than this are not worth a thread.
 LEAST_CELLS = 2**11
-# Shadow rays to a lamp from a cell.
-CELL_SAMPLES = 4
+# Points at which cells that no ray met are taken to be seen.
+WHOLE_POINTS = 4
 # Places of a cell at which the closed forms of many lamps are asked for (at 4 a bake of pandora took longer and was no
 # better).
 CELL_CLOSED = 2
@@ -46,7 +47,7 @@ class MetCells:
         self.geometry, self.cells = geometry, cells
         self.light, self._sampled_emitter = direct, sampled_emitter
         self._seed, self._run = seed, run
-        self.steep = np.inf
+        self.steep, self.samples = np.inf, CELL_SAMPLES[0]
         columns = 3 if direct.split is None else direct.split.columns
         self._incident, self._direct = Growing((columns,)), Growing((columns,))
         self._emission, self._reflectance, self._points, self._normals = (Growing((3,)) for _ in range(4))
@@ -147,7 +148,7 @@ class MetCells:
         """A row of `_tables` for each cell, and by how much the lamps' light varies in it (n,) W/m2."""
         reflectance, emission = self._materials(places)
         varied = np.zeros(len(places))
-        incident = self.light.apart(places, self._run, pilot=CELL_SAMPLES, small_share=CELL_SMALL_SHARE,
+        incident = self.light.apart(places, self._run, pilot=self.samples, small_share=CELL_SMALL_SHARE,
                                     closed=CELL_CLOSED, varied=varied)
         leaving = self._leaving(places.identity, reflectance, incident, emission)
         return (incident, leaving, emission, reflectance, places.count), varied
@@ -157,9 +158,9 @@ class MetCells:
 
     def meet_whole(self, sides: NDArray[np.int64]) -> slice:
         """Fill in cells that no ray met, as if they were seen all over; return their rows."""
-        points = kronecker(CELL_SAMPLES, 2)
+        points = kronecker(WHOLE_POINTS, 2)
         move = shifts(sides, 2, self._seed + 31)
-        every = np.repeat(sides, CELL_SAMPLES)
+        every = np.repeat(sides, WHOLE_POINTS)
         x, y = (shifted(points[:, axis], move[:, axis]).reshape(-1) for axis in (0, 1))
         _, u, v, _ = self.cells.places(every, x, y)
         return self.meet([Seen(every, u, v)])

@@ -27,6 +27,10 @@ MOST_PILOT_RAYS = 2**18
 # So many receivers are few: their gather is no larger part of a bake than patches and audit.
 FEW_RECEIVERS = 2**17
 
+# Shadow rays to a lamp from a cell, at least and at most. All receivers read the same cells: what these err by is no
+# noise to the gather, and no more of its rays help.
+CELL_SAMPLES = (4, 16)
+
 # Lumels that are audited.
 AUDIT_LUMELS = 384
 
@@ -39,6 +43,7 @@ class Plan:
     patches : about how many there are before any is split for what the solution does inside it.
     row_rays : of all rows together, and of each at least.
     gather_rays : of every receiver; where they prove too noisy, more follow.
+    cell_samples : shadow rays to a lamp from a cell.
     gather_error, direct_error, patch_error : relative errors that gather, direct light, and cells and patches may each
         have; of the last two, bakes against finer ones had about half.
     """
@@ -49,6 +54,7 @@ class Plan:
     cell_size: float
     row_rays: tuple[int, int]
     gather_rays: int
+    cell_samples: int
     gather_error: float
     direct_error: float
     patch_error: float
@@ -87,6 +93,7 @@ def plan(error: float, distance: float, bounced: float, receivers: int) -> Plan:
         cell_size=CELL_SHARE * distance / finer**0.5,
         row_rays=(int(max(2**20 * finer, ROW_SHARE * receivers * gather)), int(np.clip(48 * finer, 32, 128))),
         gather_rays=gather,
+        cell_samples=int(2 ** np.clip(np.round(np.log2(8 * 0.03 / error)), *np.log2(CELL_SAMPLES))),
         gather_error=0.7 * error,
         direct_error=0.2 * error,
         patch_error=0.3 * error,

@@ -18,7 +18,7 @@ def test_the_parts_of_the_error_add_up_to_no_more_than_is_wanted(error):
 def test_less_error_never_takes_less_work():
     # From 10 % to .3 %.
     plans = [plan(error, 1.0, 0.5, 1000) for error in (0.1, 0.03, 0.01, 0.003)]
-    for name in ("patches", "gather_rays", "row_rays"):
+    for name in ("patches", "gather_rays", "row_rays", "cell_samples"):
         assert sorted(getattr(one, name) for one in plans) == [getattr(one, name) for one in plans]
     assert sorted((one.cell_size for one in plans), reverse=True) == [one.cell_size for one in plans]
 
@@ -45,3 +45,9 @@ def test_many_receivers_start_with_fewer_rays_each_than_few():
                  for count in (10**4, 10**6))
     assert few[1] == 2 * many[1]
     assert all(one >= other for one, other in zip(few, many, strict=True))
+
+
+def test_cells_ask_lamps_with_more_rays_where_less_error_is_wanted():
+    # 8 rays at 3 %, in proportion to one over the error, to a power of two, from 4 to 16.
+    assert [plan(error, 1.0, 0.5, 1000).cell_samples for error in (0.3, 0.1, 0.03, 0.02, 0.01, 0.003)] == [
+        4, 4, 8, 16, 16, 16]
