@@ -9,11 +9,8 @@ def show_status(context: Any, text: str | None) -> None:
     """A text in the status bar, None for Blender's own; the panels draw their bar anew."""
     if context.workspace is not None:
         context.workspace.status_text_set(text)
-    for area in _viewports(context):
-        for region in area.regions:
-            # Not the view itself, which may be slow to draw.
-            if region.type == "UI":
-                region.tag_redraw()
+    # Not the view itself, which may be slow to draw.
+    _redraw(context, "UI")
 
 
 def redraw_views(context: Any) -> None:
@@ -24,9 +21,14 @@ def redraw_views(context: Any) -> None:
 
 def redraw_looks(context: Any) -> None:
     """Let what all 3D viewports show draw anew, without their panels."""
+    _redraw(context, "WINDOW")
+
+
+def _redraw(context: Any, kind: str) -> None:
+    """Let the regions of a kind of all 3D viewports draw anew."""
     for area in _viewports(context):
         for region in area.regions:
-            if region.type == "WINDOW":
+            if region.type == kind:
                 region.tag_redraw()
 
 

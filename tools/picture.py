@@ -187,9 +187,7 @@ def render(blend: Path, report_path: Path, picture: Path, exposure: float | None
     shape.use_compositing = shape.use_sequencer = False
     with tempfile.TemporaryDirectory(prefix="radiosity-meter-") as folder:
         scene.view_settings.exposure = metered(scene, Path(folder)) if exposure is None else exposure
-    scene.cycles.samples, scene.cycles.use_adaptive_sampling = SAMPLES, False
-    # What the display cuts off is cut off in each sample (Cycles adds the channels up): edges of lamps stay smooth.
-    scene.cycles.sample_clamp_direct = 3 / 2**scene.view_settings.exposure
+    scene.cycles.samples = SAMPLES
     shape.image_settings.file_format, shape.image_settings.color_depth = "PNG", "8"
     shape.image_settings.color_mode = "RGB"
     shape.filepath = str(picture)
