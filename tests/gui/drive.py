@@ -2,7 +2,7 @@
 
 `blender --enable-event-simulate SCENE.blend --python drive.py`, with DRIVE_JOB set to a JSON object:
 tab : the sidebar's tab to open.
-settings : values of the scene's settings, as the panel's fields would get them.
+settings : values of the scene's settings, as the panel's fields would get them; views : those of its views.
 visit : the steps, [["verb", argument, ...], ...]; each verb is a function below.
 shots : folder for the pictures of the whole screen.
 result : the JSON file to write, {"error": ..., "seen": ...}.
@@ -263,8 +263,10 @@ VERBS = {step.__name__: step for step in (
 
 def steps() -> Iterator[float]:
     """The whole visit."""
-    for name, value in JOB["settings"].items():
-        setattr(bpy.context.scene.radiosity, name, value)
+    scene = bpy.context.scene
+    for group, settings in ((scene.radiosity, JOB["settings"]), (scene.radiosity_view, JOB.get("views", {}))):
+        for name, value in settings.items():
+            setattr(group, name, value)
     bpy.context.scene.cycles.preview_samples = 1
     yield from open_tab(JOB["tab"])
     for verb, *arguments in JOB["visit"]:

@@ -37,6 +37,8 @@ def red_over_green(samples: list[dict[str, Any]]) -> float:
     return float(light[0] / light[1])
 
 
+# Metres between the working plane's points: so many that measuring them outlasts several of the driver's ticks.
+SPACING = 0.005
 # Seconds to let Eevee compile its shaders, and Cycles draw.
 EEVEE, CYCLES = 25.0, 3.0
 
@@ -86,7 +88,7 @@ def visit(linux_zip: Path, tmp_path_factory: pytest.TempPathFactory, real_blende
     blender(resources, "-b", "--factory-startup", "--python-exit-code", "3",
             "--python", ROOT / "examples" / "cornell_box.py", "--", scene)
     job = {"tab": "Radiosity", "shots": str(SHOTS), "result": str(result), "visit": visit_of(baked, last),
-           "settings": {"preset": "draft", "resolution": 128},
+           "settings": {"preset": "draft", "resolution": 128}, "views": {"spacing": SPACING},
            "fingerprint": str(HERE.parent / "blender" / "fingerprint.py")}
     done = real_blender_tool.run([*WINDOW, str(scene), "--python", str(HERE / "drive.py")], resources, timeout=780,
                                  program=SCREEN, extra={"DRIVE_JOB": json.dumps(job)})
