@@ -29,6 +29,8 @@ Int = NDArray[np.integer[Any]]
 MAX_SIDES = 2**26
 # Finest grid along one side of a triangle.
 MAX_DIVISIONS = 2**14
+# By how much the most cells of a triangle are lowered at once, until all are few enough.
+FEWER = 1.25
 NOTHING = -1
 # Along each edge of a cell that is divided, and most cells that are.
 FINER, MOST_DIVIDED = 4, 2**16
@@ -45,24 +47,23 @@ class Cells:
     Parameters
     ----------
     geometry : the triangles.
-    size : wanted edge of a cell, metres; grows where there would be more than MAX_SIDES.
+    size : wanted edge of a cell, metres; larger on the largest triangles where there would be more than MAX_SIDES.
+
+    Attributes
+    ----------
+    divisions : (t, 2) int64, how many cells the two sides of each triangle are cut into.
     """
 
     def __init__(self, geometry: Geometry, size: float) -> None:
         self.geometry = geometry
         self._first, lengths = _widest_corner(geometry.corners)
-        while True:
-            self._divisions = np.clip(np.ceil(lengths / size), 1, MAX_DIVISIONS).astype(np.int64)
-            count = self._divisions.prod(axis=1)
-            if count.sum() * 2 <= MAX_SIDES or size > 1e30:
-                break
-            size *= 1.25
-        self.size = size
+        self.size, self.divisions = size, _divisions(lengths, size)
+        count = self.divisions.prod(axis=1)
         self._base = np.concatenate([[0], np.cumsum(count)[:-1]]) * 2
         self._share_of_cell = np.asarray(1 / count, np.float32)
         # What a hit's cell follows from: its column and line are products of (u, v, 1) with a row of `_axes`.
-        self._axes = _AXES[self._first] * np.repeat(self._divisions, 4, axis=1).astype(np.float32)
-        self._grid = np.stack([self._base, self._divisions[:, 0] - 1, self._divisions[:, 1], self._divisions[:, 1] - 1],
+        self._axes = _AXES[self._first] * np.repeat(self.divisions, 4, axis=1).astype(np.float32)
+        self._grid = np.stack([self._base, self.divisions[:, 0] - 1, self.divisions[:, 1], self.divisions[:, 1] - 1],
                               axis=1).astype(np.int32)
         # Sides from here on are those of held cells: HELD pairs for each pair before.
         self._first_held = int(count.sum()) * 2
@@ -177,11 +178,11 @@ class Cells:
         triangle = self.triangle_of(self.side)
         face = np.unique(triangle.astype(np.int64) * 2 + (self.side & 1))
         triangle, front = face >> 1, face & 1
-        count = self._divisions[triangle].prod(axis=1)
+        count = self.divisions[triangle].prod(axis=1)
         if count.sum() > most:
             return np.empty(0, np.int64)
         number = np.arange(count.sum()) - np.repeat(np.cumsum(count) - count, count)
-        columns = np.repeat(self._divisions[triangle], count, axis=0)
+        columns = np.repeat(self.divisions[triangle], count, axis=0)
         i, j = np.divmod(number, columns[:, 1])
         inside = i / columns[:, 0] + j / columns[:, 1] < 1 - 1e-9
         return np.asarray((np.repeat(self._base[triangle] + front, count) + 2 * number)[inside])
@@ -223,7 +224,7 @@ class _Box:
 
     def __init__(self, cells: Cells, side: NDArray[np.int64]) -> None:
         self.triangle = cells.triangle_of(side)
-        divisions = cells._divisions[self.triangle]
+        divisions = cells.divisions[self.triangle]
         holding, number = cells._holding(side)
         i, j = np.divmod((holding - cells._base[self.triangle]) >> 1, divisions[:, 1])
         smaller = (number >= 0) & (number < FROM_BEHIND)
@@ -267,6 +268,21 @@ class _Box:
         s = np.where(mass <= flat, mass, flat + width * along)
         t = y * np.clip(self._height * (1 - s / self._width), 0, 1)
         return self._low_a + s * self._a, self._low_b + t * self._b
+
+
+def _divisions(lengths: Float, size: float) -> NDArray[np.int64]:
+    """(t, 2) into how many cells about `size` wide two sides (t, 2) of each triangle are cut.
+
+    Where these would be more than MAX_SIDES, the triangles with the most get fewer, all as many: a ground plate out to
+    the horizon costs nothing elsewhere.
+    """
+    most = float(MAX_SIDES)
+    while True:
+        coarser = np.sqrt(np.maximum((lengths / size).prod(axis=1) / most, 1))
+        found = np.clip(np.ceil(lengths / (size * coarser[:, None])), 1, MAX_DIVISIONS).astype(np.int64)
+        if found.prod(axis=1).sum() * 2 <= MAX_SIDES or most < 1:
+            return found
+        most /= FEWER
 
 
 def _widest_corner(corners: Float) -> tuple[NDArray[np.int8], Float]:

@@ -7,8 +7,11 @@ from dataclasses import dataclass
 import numpy as np
 
 # Edge of a cell, and of the smallest patch, over the median distance that gather rays travel.
-CELL_SHARE = 0.034
+CELL_SHARE = 0.06
 SMALLEST_PATCH_SHARE = 0.02
+# Cells are as much smaller as this power of the part of bounced light is larger; and no finer or coarser than that many
+# times.
+CELL_POWER, CELL_FACTORS = 0.8, (1 / 3, 5.0)
 
 # The part of bounced light that the numbers below were found for (interiors), and the least that is planned for.
 USUAL_SHARE = 0.5
@@ -80,7 +83,9 @@ def plan(error: float, distance: float, bounced: float, receivers: int) -> Plan:
         be as much coarser as it is less.
     receivers : how many there are.
     """
-    finer = float(np.clip(0.03 / error * max(bounced, LEAST_SHARE) / USUAL_SHARE, 0.1, 3.0))
+    share = max(bounced, LEAST_SHARE) / USUAL_SHARE
+    finer = float(np.clip(0.03 / error * share, 0.1, 3.0))
+    coarser = np.clip(np.sqrt(error / 0.03) / share**CELL_POWER, *CELL_FACTORS)
     # A pilot that is enough where light is smooth, since neighbours share theirs. Of few receivers it may cost as much
     # as the rest of a bake, since fewer rays would make that little shorter.
     doublings = np.log2(64 * 0.03 / error)
@@ -90,10 +95,10 @@ def plan(error: float, distance: float, bounced: float, receivers: int) -> Plan:
         error=error,
         patches=int(6000 * finer),
         smallest_patch=SMALLEST_PATCH_SHARE * distance,
-        cell_size=CELL_SHARE * distance / finer**0.5,
+        cell_size=CELL_SHARE * distance * float(coarser),
         row_rays=(int(max(2**20 * finer, ROW_SHARE * receivers * gather)), int(np.clip(48 * finer, 32, 128))),
         gather_rays=gather,
-        cell_samples=int(2 ** np.clip(np.round(np.log2(8 * 0.03 / error)), *np.log2(CELL_SAMPLES))),
+        cell_samples=int(2 ** np.clip(np.round(np.log2(8 * 0.03 / error * share)), *np.log2(CELL_SAMPLES))),
         gather_error=0.7 * error,
         direct_error=0.2 * error,
         patch_error=0.3 * error,

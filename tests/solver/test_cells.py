@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from radiosity.solver.cells import FINER, NOTHING, Cells
+from radiosity.solver.cells import FINER, MAX_SIDES, NOTHING, Cells
 from radiosity.solver.geometry import Geometry
 from radiosity.tests.solver.rooms import shape
 
@@ -96,6 +96,22 @@ def test_a_triangle_smaller_than_the_size_is_one_cell_with_two_sides():
     sides = _all_sides(cells)
     assert sides.tolist() == [0, 1]
     assert cells.area(sides) == pytest.approx([0.5, 0.5])
+
+
+def test_a_giant_plate_does_not_make_cells_coarser_elsewhere():
+    # A board of 1 m and a plate of 10 km with ten thousand times as many cells of 1 mm as there can be: the board keeps
+    # its cells, the plate has what can be; of two such plates each has half of it.
+    board, plate = ([[0, 0, 1], [1, 0, 1], [0, 1, 1]], [[0, 0, 0], [1e4, 0, 0], [0, 1e4, 0]])
+
+    def divisions(*corners):
+        return Cells(Geometry(shape(corners).scene()), 0.001).divisions
+
+    alone = divisions(board)
+    for plates in (1, 2):
+        found = divisions(board, *[plate] * plates)
+        assert (found[0] == alone[0]).all()
+        assert (found[1:] == found[1]).all()
+        assert 0.7 * MAX_SIDES < 2 * found.prod(axis=1).sum() <= MAX_SIDES
 
 
 def test_rows_are_given_once_and_in_the_order_of_meeting():

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from radiosity.solver.plan import MOST_ROW_RAYS, plan
+from radiosity.solver.plan import CELL_FACTORS, CELL_SHARE, MOST_ROW_RAYS, plan
 
 
 @pytest.mark.parametrize("error", [0.1, 0.03, 0.003])
@@ -45,6 +45,16 @@ def test_many_receivers_start_with_fewer_rays_each_than_few():
                  for count in (10**4, 10**6))
     assert few[1] == 2 * many[1]
     assert all(one >= other for one, other in zip(few, many, strict=True))
+
+
+def test_the_less_light_bounces_the_coarser_cells_are_and_the_fewer_rays_they_ask_with():
+    # From all of the light to none; within the bounds.
+    plans = [plan(0.03, 1.0, share, 1000) for share in (1.0, 0.5, 0.25, 0.1, 0.0)]
+    sizes = [one.cell_size for one in plans]
+    assert sorted(sizes) == sizes
+    assert sizes[1] == pytest.approx(CELL_SHARE)
+    assert sizes[-1] == pytest.approx(CELL_SHARE * CELL_FACTORS[1])
+    assert [one.cell_samples for one in plans] == [16, 8, 4, 4, 4]
 
 
 def test_cells_ask_lamps_with_more_rays_where_less_error_is_wanted():
