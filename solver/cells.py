@@ -281,7 +281,7 @@ def _divisions(lengths: Float, size: float) -> NDArray[np.int64]:
         coarser = np.sqrt(np.maximum((lengths / size).prod(axis=1) / most, 1))
         found = np.clip(np.ceil(lengths / (size * coarser[:, None])), 1, MAX_DIVISIONS).astype(np.int64)
         if found.prod(axis=1).sum() * 2 <= MAX_SIDES or most < 1:
-            return found
+            return np.asarray(found)
         most /= FEWER
 
 

@@ -9,9 +9,10 @@ import numpy as np
 # Edge of a cell, and of the smallest patch, over the median distance that gather rays travel.
 CELL_SHARE = 0.06
 SMALLEST_PATCH_SHARE = 0.02
-# Cells are as much smaller as this power of the part of bounced light is larger; and no finer or coarser than that many
-# times.
-CELL_POWER, CELL_FACTORS = 0.8, (1 / 3, 5.0)
+# Cells are as much smaller as this power of the part of bounced light is larger; of more receivers than the scenes had in
+# which they were measured they are smaller too, for they are then a small part of the work and many see them from close
+# by. No finer or coarser than that many times in the end.
+CELL_POWER, CELL_RECEIVERS, CELL_FACTORS = 0.8, 20_000, (0.2, 5.0)
 
 # The part of bounced light that the numbers below were found for (interiors), and the least that is planned for.
 USUAL_SHARE = 0.5
@@ -85,7 +86,8 @@ def plan(error: float, distance: float, bounced: float, receivers: int) -> Plan:
     """
     share = max(bounced, LEAST_SHARE) / USUAL_SHARE
     finer = float(np.clip(0.03 / error * share, 0.1, 3.0))
-    coarser = np.clip(np.sqrt(error / 0.03) / share**CELL_POWER, *CELL_FACTORS)
+    many = max(receivers / CELL_RECEIVERS, 1) ** 0.25
+    coarser = np.clip(np.sqrt(error / 0.03) / share**CELL_POWER / many, *CELL_FACTORS)
     # A pilot that is enough where light is smooth, since neighbours share theirs. Of few receivers it may cost as much
     # as the rest of a bake, since fewer rays would make that little shorter.
     doublings = np.log2(64 * 0.03 / error)

@@ -57,6 +57,12 @@ def test_the_less_light_bounces_the_coarser_cells_are_and_the_fewer_rays_they_as
     assert [one.cell_samples for one in plans] == [16, 8, 4, 4, 4]
 
 
+def test_cells_are_smaller_where_many_receivers_may_stand_close_by():
+    # The fourth root of their number, from 20,000 on.
+    sizes = [plan(0.03, 1.0, 0.5, count).cell_size for count in (100, 20_000, 320_000)]
+    assert sizes == pytest.approx([CELL_SHARE, CELL_SHARE, CELL_SHARE / 2])
+
+
 def test_cells_ask_lamps_with_more_rays_where_less_error_is_wanted():
     # 8 rays at 3 %, in proportion to one over the error, to a power of two, from 4 to 16.
     assert [plan(error, 1.0, 0.5, 1000).cell_samples for error in (0.3, 0.1, 0.03, 0.02, 0.01, 0.003)] == [
