@@ -331,9 +331,9 @@ def bake(scene: Scene, settings: Settings, progress: Progress | None = None,
             work.run.check()
             seams = Seams(samples, lumels, scene, values[shown], errors[shown])
             work.run.check()
-            images = finished(lumels, seams, values[shown], settings, work.run.check)
+            images = finished(lumels, seams, values[shown], settings, work.run)
             layers = group_light(work.split, work.apart, settings.quantity, albedo,
-                                 lambda part: finished(lumels, seams, part[shown], settings, work.run.check))
+                                 lambda part: finished(lumels, seams, part[shown], settings, work.run))
             placed = [(surface.name, int(page)) for surface, page in
                       zip(scene.surfaces, lumels.page_of_surface, strict=True)]
             lightmaps = tuple(Lightmap(page.name, pixels, tuple(name for name, place in placed if place == number))

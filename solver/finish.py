@@ -4,13 +4,13 @@ across the seams between charts.
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import replace
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from .parallel import Run
 from .receivers import Lumels
 from .seams import Seams
 from .settings import Settings
@@ -19,16 +19,16 @@ Float = NDArray[np.floating[Any]]
 
 
 def finished(lumels: Lumels, seams: Seams, values: Float, settings: Settings,
-             check: Callable[[], None] = lambda: None) -> list[Float]:
-    """The lightmaps as they are written: dilated, and continuous across seams. Arguments as in `to_images`; `check` is
-    called now and then, and may raise.
+             run: Run | None = None) -> list[Float]:
+    """The lightmaps as they are written: dilated, and continuous across seams. Arguments as in `to_images` and
+    `Seams.stitch`.
 
     Radiosity holds the colour of the surface, which may well have a step at a seam: it is not stitched.
     """
     if settings.quantity == "radiosity":
         return to_images(lumels, values, settings)
     # Filtering reads one texel beyond a chart, so seams need that much, whether or not it is asked for.
-    images = seams.stitch(to_images(lumels, values, replace(settings, margin=max(settings.margin, 1))), check)
+    images = seams.stitch(to_images(lumels, values, replace(settings, margin=max(settings.margin, 1))), run)
     # Least squares may go below zero beside a bright lumel; light does not.
     images = [np.maximum(image, 0) for image in images]
     if settings.margin > 0:

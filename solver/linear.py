@@ -94,13 +94,13 @@ def solve_linear(apply: Callable[[Float], Float], right: Float, tolerance: float
     return LinearResult(x.reshape(shape), outcome, tuple(residuals))
 
 
-def _dot(first: Float, second: Float) -> float:
+def dot(first: Float, second: Float) -> float:
     """Without BLAS, whose threads wait for one another: where other programs work too, longer than the sum takes."""
     return float(np.einsum("i,i->", first, second))
 
 
 def _norm(vector: Float) -> float:
-    return float(np.sqrt(_dot(vector, vector)))
+    return float(np.sqrt(dot(vector, vector)))
 
 
 def _cycle(operator: Callable[[Float], Float], residual: Float, norm: float, tolerance: float,
@@ -115,7 +115,7 @@ def _cycle(operator: Callable[[Float], Float], residual: Float, norm: float, tol
     for k in range(steps):
         vector = operator(basis[k])
         for j in range(k + 1):
-            hessenberg[j, k] = _dot(basis[j], vector)
+            hessenberg[j, k] = dot(basis[j], vector)
             vector = vector - hessenberg[j, k] * basis[j]
         hessenberg[k + 1, k] = _norm(vector)
         right = np.zeros(k + 2)

@@ -9,9 +9,9 @@ import numpy as np
 # Edge of a cell, and of the smallest patch, over the median distance that gather rays travel.
 CELL_SHARE = 0.06
 SMALLEST_PATCH_SHARE = 0.02
-# Cells are as much smaller as this power of the part of bounced light is larger; of more receivers than the scenes had in
-# which they were measured they are smaller too, for they are then a small part of the work and many see them from close
-# by. No finer or coarser than that many times in the end.
+# Cells are as much smaller as this power of the part of bounced light is larger; of more receivers than these they are
+# smaller too, for they are then a small part of the work and many see them from close by. No finer or coarser than that
+# many times in the end.
 CELL_POWER, CELL_RECEIVERS, CELL_FACTORS = 0.8, 20_000, (0.2, 5.0)
 
 # The part of bounced light that the numbers below were found for (interiors), and the least that is planned for.

@@ -14,6 +14,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from .linear import dot
+from .parallel import Run
 from .receivers import Lumels
 from .scene import Scene, surface_of_triangle
 from .seam_samples import SeamSamples
@@ -73,13 +75,13 @@ class Seams:
         stiff = LUMEL_WEIGHT * stiffness(taps, light, noise)[self._unknown]
         self._anchor = np.where(taps.owner[self._unknown] >= 0, stiff, MARGIN_WEIGHT)
 
-    def stitch(self, images: list[Float], check: Callable[[], None] = lambda: None) -> list[Float]:
+    def stitch(self, images: list[Float], run: Run | None = None) -> list[Float]:
         """Make the light agree on both sides of the seams.
 
         Parameters
         ----------
         images : one (height, width, 3) a page, dilated by one texel at least.
-        check : called now and then; it may raise.
+        run : the threads to do it with; it may be cancelled. None: here and now.
 
         Returns
         -------
@@ -90,7 +92,12 @@ class Seams:
             return [np.array(image) for image in images]
         flat = np.concatenate([np.asarray(image, np.float64).reshape(-1, 3) for image in images])
         before = flat[self._unknown]
-        change = _solve(self._column, self._weight, self._anchor, before, check)
+        run = run or Run()
+
+        def work(channel: int) -> Float:
+            return _solve(self._column, self._weight, self._anchor, before[:, channel], run.check)
+
+        change = np.stack(run.map(work, range(3)), axis=1)
         flat[self._unknown] = np.maximum(before + change, np.minimum(before, 0))
         return _pages(flat, images)
 
@@ -165,34 +172,37 @@ def _taps(point: Float, size: Int, offset: Int) -> tuple[Int, Float]:
 
 
 def _solve(column: Int, weight: Float, anchor: Float, value: Float, check: Callable[[], None]) -> Float:
-    """The change d (m, 3) that minimises anchor d^2 + SEAM_WEIGHT (difference of value + d across the seams)^2."""
-    count = len(anchor)
+    """The change d (m,) that minimises anchor d^2 + SEAM_WEIGHT (difference of value + d across the seams)^2; `check`
+    is called before each step, and may raise."""
+    flat, count = column.ravel(), len(anchor)
 
     def transposed(rows: Float) -> Float:
-        return np.stack([np.bincount(column.ravel(), (weight * rows[:, k, None]).ravel(), count) for k in range(3)], 1)
+        return np.bincount(flat, (weight * rows[:, None]).ravel(), count)
 
     def differences(x: Float) -> Float:
-        return np.asarray((weight[:, None] @ np.take(x, column, axis=0))[:, 0])
+        return np.asarray(np.einsum("ij,ij->i", weight, np.take(x, column)))
 
     def apply(x: Float) -> Float:
-        return anchor[:, None] * x + SEAM_WEIGHT * transposed(differences(x))
+        return np.asarray(anchor * x + SEAM_WEIGHT * transposed(differences(x)))
 
-    diagonal = anchor + SEAM_WEIGHT * np.bincount(column.ravel(), (weight**2).ravel(), count)
-    residual = -SEAM_WEIGHT * transposed(differences(value))
-    change = np.zeros_like(value)
-    direction = z = residual / diagonal[:, None]
-    rho = (residual * z).sum(axis=0)
+    diagonal = anchor + SEAM_WEIGHT * np.bincount(flat, (weight**2).ravel(), count)
+    residual = np.asarray(-SEAM_WEIGHT * transposed(differences(value)))
+    change = np.zeros(count)
+    direction = z = residual / diagonal
+    rho = dot(residual, z)
     goal = TOLERANCE**2 * rho
     for _ in range(MOST_STEPS):
-        if (rho <= goal).all():
+        if rho <= goal:
             break
         check()
         image = apply(direction)
-        curvature = (direction * image).sum(axis=0)
-        step = np.where(curvature > 0, rho / np.where(curvature > 0, curvature, 1), 0)
-        change = change + step * direction
-        residual = residual - step * image
-        z = residual / diagonal[:, None]
-        rho, before = (residual * z).sum(axis=0), rho
-        direction = z + np.where(before > 0, rho / np.where(before > 0, before, 1), 0) * direction
+        curvature = dot(direction, image)
+        if not curvature > 0:
+            break
+        step = rho / curvature
+        change += step * direction
+        residual -= step * image
+        z = residual / diagonal
+        rho, before = dot(residual, z), rho
+        direction = z + rho / before * direction
     return change
