@@ -177,7 +177,7 @@ def _solve(column: Int, weight: Float, anchor: Float, value: Float, check: Calla
     flat, count = column.ravel(), len(anchor)
 
     def transposed(rows: Float) -> Float:
-        return np.bincount(flat, (weight * rows[:, None]).ravel(), count)
+        return np.asarray(np.bincount(flat, (weight * rows[:, None]).ravel(), count), np.float64)
 
     def differences(x: Float) -> Float:
         return np.asarray(np.einsum("ij,ij->i", weight, np.take(x, column)))
