@@ -10,8 +10,8 @@ import numpy as np
 CELL_SHARE = 0.06
 SMALLEST_PATCH_SHARE = 0.02
 # Cells grow as the first of these powers of the wanted error, and shrink as the second of the part of bounced light; of
-# more receivers than these they are smaller too, for they are then a small part of the work and many see them from close
-# by. No finer or coarser than that many times in the end.
+# more receivers than these they are smaller too, for they are then a small part of the work and many see them from
+# close by. No finer or coarser than that many times in the end.
 CELL_POWERS, CELL_RECEIVERS, CELL_FACTORS = (0.5, 0.8), 20_000, (0.2, 5.0)
 
 # The part of bounced light that the numbers below were found for (interiors), and the least that is planned for.
