@@ -27,7 +27,7 @@ from .light_bounds import LightBounds
 from .lights import Light
 from .linking import Reach, links_of
 from .parallel import Run, slices
-from .sampling import cosine_directions, kronecker, shifted
+from .sampling import cosine_directions, rays_of_places, shifted
 from .visibility import SHORTEN
 
 Float = NDArray[np.floating[Any]]
@@ -210,8 +210,8 @@ class Auditor:
         # Each group's first bounce and places are a lattice with a random shift of its own (Cranley & Patterson 1976).
         strata = each // GROUPS
         move = generator.random((len(rows) * GROUPS, 4), np.float32)
-        lattice = kronecker(strata, 4)
-        x, y, u, v = (shifted(lattice[:, axis], move[:, axis]).reshape(-1) for axis in range(4))
+        lattice = rays_of_places(strata)
+        u, v, x, y = (shifted(lattice[:, axis], move[:, axis]).reshape(-1) for axis in range(4))
         points, normals = places.sample(np.repeat(rows, each), x, y)
         direct = np.zeros((count, 3), np.float32)
         indirect = np.zeros_like(direct)
