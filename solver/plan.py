@@ -9,10 +9,10 @@ import numpy as np
 # Edge of a cell, and of the smallest patch, over the median distance that gather rays travel.
 CELL_SHARE = 0.06
 SMALLEST_PATCH_SHARE = 0.02
-# Cells grow as the first of these powers of the wanted error, and shrink as the second of the part of bounced light; of
-# more receivers than these they are smaller too, for they are then a small part of the work and many see them from
-# close by. No finer or coarser than that many times in the end.
-CELL_POWERS, CELL_RECEIVERS, CELL_FACTORS = (0.5, 0.8), 20_000, (0.2, 5.0)
+# Cells grow with the root of the wanted error, and as less light bounces; of more receivers than these they are
+# smaller, for they are then a small part of the work and many see them from close by. No finer or coarser than that many
+# times in the end.
+CELL_RECEIVERS, CELL_FACTORS = 25_000, (0.2, 5.0)
 
 # The part of bounced light that the numbers below were found for (interiors), and the least that is planned for.
 USUAL_SHARE = 0.5
@@ -87,7 +87,7 @@ def plan(error: float, distance: float, bounced: float, receivers: int) -> Plan:
     share = max(bounced, LEAST_SHARE) / USUAL_SHARE
     finer = float(np.clip(0.03 / error * share, 0.1, 3.0))
     many = max(receivers / CELL_RECEIVERS, 1) ** 0.25
-    coarser = np.clip((error / 0.03) ** CELL_POWERS[0] / share ** CELL_POWERS[1] / many, *CELL_FACTORS)
+    coarser = np.clip(np.sqrt(error / 0.03) / share / many, *CELL_FACTORS)
     # A pilot that is enough where light is smooth, since neighbours share theirs. Of few receivers it may cost as much
     # as the rest of a bake, since fewer rays would make that little shorter.
     doublings = np.log2(64 * 0.03 / error)

@@ -58,8 +58,8 @@ def test_the_less_light_bounces_the_coarser_cells_are_and_the_fewer_rays_they_as
 
 
 def test_cells_are_smaller_where_many_receivers_may_stand_close_by():
-    # The fourth root of their number, from 20,000 on.
-    sizes = [plan(0.03, 1.0, 0.5, count).cell_size for count in (100, 20_000, 320_000)]
+    # The fourth root of their number, from 25,000 on.
+    sizes = [plan(0.03, 1.0, 0.5, count).cell_size for count in (100, 25_000, 400_000)]
     assert sizes == pytest.approx([CELL_SHARE, CELL_SHARE, CELL_SHARE / 2])
 
 
