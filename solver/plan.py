@@ -9,9 +9,9 @@ import numpy as np
 # Edge of a cell, and of the smallest patch, over the median distance that gather rays travel.
 CELL_SHARE = 0.06
 SMALLEST_PATCH_SHARE = 0.02
-# Cells grow with the root of the wanted error, and as less light bounces; of more receivers than these they are smaller,
-# for they are then a small part of the work and many see them from close by. No finer or coarser than that many times in
-# the end.
+# Cells grow with the root of the wanted error, and as less light bounces; of more receivers than these they are
+# smaller, for they are then a small part of the work and many see them from close by. At most so many times finer
+# or coarser in the end.
 CELL_RECEIVERS, CELL_FACTORS = 25_000, (0.2, 5.0)
 
 # The part of bounced light that the numbers below were found for (interiors), and the least that is planned for.
