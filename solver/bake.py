@@ -126,7 +126,8 @@ class _Work:
             looks = look_around(self.geometry, places, self.sampled_emitter, pilot // PATH_SHARE, seed, self.run)
             self.lamps = self._lamp_level(receivers)
             share = self._bounced_share(looks) if bounced is None else bounced
-            self.plan = plan(self.settings.error, looks.distance, share, len(receivers))
+            glowing = looks.glowing * (1 - share) / max(self.lamps + looks.straight, 1e-30)
+            self.plan = plan(self.settings.error, looks.distance, share, len(receivers), glowing)
             corners = self.geometry.corners.reshape(-1, 3)
             shells = Shells.of(self.geometry.corners)
             patches = Patches(shells, corners.min(axis=0), corners.max(axis=0), self.plan.smallest_patch,

@@ -31,6 +31,7 @@ class Importance:
     paths : how many paths there were.
     straight, bounced : mean irradiance of the receivers from sky and emissive surfaces, straight and over other
         surfaces, W/m2 (mean of the channels).
+    glowing : what of `straight` comes from surfaces.
     """
 
     spots: Spots | None
@@ -41,6 +42,7 @@ class Importance:
     paths: int
     straight: float
     bounced: float
+    glowing: float
 
 
 def look_around(geometry: Geometry, places: Footprints, lamp: NDArray[np.bool_], paths: int, seed: int,
@@ -59,7 +61,7 @@ def look_around(geometry: Geometry, places: Footprints, lamp: NDArray[np.bool_],
     weights: list[Float] = []
     distances: list[Float] = []
     distance = 0.0
-    light = np.zeros(BOUNCES)
+    light, glow = np.zeros((2, BOUNCES))
     for bounce in range(BOUNCES):
         directions = cosine_directions(normals, u[:, None], v[:, None])[:, 0]
         hits = geometry.visibility.hits(origins, directions)
@@ -73,7 +75,7 @@ def look_around(geometry: Geometry, places: Footprints, lamp: NDArray[np.bool_],
             distance = float(np.median(hits.distance[met]))
         triangle, front = hits.triangle[met], hits.front[met]
         emission = geometry.emission(triangle, hits.u[met], hits.v[met]).mean(axis=1)
-        light[bounce] += float((weight[met] * np.where(lamp[triangle], 0, emission)).sum())
+        glow[bounce] = float((weight[met] * np.where(lamp[triangle], 0, emission)).sum())
         spots = Spots.at(geometry, triangle, hits.u[met], hits.v[met], front)
         run.count(len(met))
         reflectance = geometry.reflectance(triangle, hits.u[met], hits.v[met]).mean(axis=1)
@@ -85,10 +87,11 @@ def look_around(geometry: Geometry, places: Footprints, lamp: NDArray[np.bool_],
         origins = geometry.lifted(spots.points, triangle, front)
         normals = spots.normals
         u, v = shifts(path, 2, seed + 11 * (bounce + 1)).T
-    straight, bounced = float(light[0]) / len(rows), float(light[1:].sum()) / len(rows)
+    light += glow
+    straight, bounced, glowing = (float(one) / len(rows) for one in (light[0], light[1:].sum(), glow[0]))
     if not found:
         extent = float(np.linalg.norm(np.ptp(geometry.corners.reshape(-1, 3), axis=0)))
         nothing = np.zeros(0, np.float32)
-        return Importance(None, nothing, nothing, 0, extent, len(rows), straight, bounced)
+        return Importance(None, nothing, nothing, 0, extent, len(rows), straight, bounced, glowing)
     return Importance(Spots.join(found), np.concatenate(weights), np.concatenate(distances), len(weights[0]), distance,
-                      len(rows), straight, bounced)
+                      len(rows), straight, bounced, glowing)

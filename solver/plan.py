@@ -9,10 +9,10 @@ import numpy as np
 # Edge of a cell, and of the smallest patch, over the median distance that gather rays travel.
 CELL_SHARE = 0.06
 SMALLEST_PATCH_SHARE = 0.02
-# Cells grow with the root of the wanted error, and as less light bounces; of more receivers than these they are
-# smaller, for they are then a small part of the work and many see them from close by. At most so many times finer
-# or coarser in the end.
-CELL_RECEIVERS, CELL_FACTORS = 25_000, (0.2, 5.0)
+# Cells grow with the root of the wanted error, and as less light comes from them. Of more receivers than these they are
+# smaller, for they are then a small part of the work and many see them from close by; of fewer too, for these have few
+# or none beside them to share their rays with. At most so many times finer or coarser in the end.
+CELL_RECEIVERS, CELL_FACTORS = 25_000, (0.2, 4.0)
 
 # The part of bounced light that the numbers below were found for (interiors), and the least that is planned for.
 USUAL_SHARE = 0.5
@@ -74,7 +74,7 @@ class Plan:
         return int(np.clip(everything / max(patches, 1), least, max(least, MOST_ROW_RAYS)))
 
 
-def plan(error: float, distance: float, bounced: float, receivers: int) -> Plan:
+def plan(error: float, distance: float, bounced: float, receivers: int, glowing: float = 0.0) -> Plan:
     """The work for a wanted relative RMS error.
 
     Parameters
@@ -83,11 +83,14 @@ def plan(error: float, distance: float, bounced: float, receivers: int) -> Plan:
     bounced : the part of their light that comes over other surfaces: patches and their rows serve only that, and may
         be as much coarser as it is less.
     receivers : how many there are.
+    glowing : the part of their light that comes straight from emissive surfaces that no lamp stands for: cells serve it
+        too.
     """
-    share = max(bounced, LEAST_SHARE) / USUAL_SHARE
+    share, of_cells = (max(part, LEAST_SHARE) / USUAL_SHARE for part in (bounced, bounced + glowing))
     finer = float(np.clip(0.03 / error * share, 0.1, 3.0))
-    many = max(receivers / CELL_RECEIVERS, 1) ** 0.25
-    coarser = np.clip(np.sqrt(error / 0.03) / share / many, *CELL_FACTORS)
+    count = receivers / CELL_RECEIVERS
+    finest = max(count**0.25, count**-0.125)
+    coarser = np.clip(np.sqrt(error / 0.03) / of_cells / finest, *CELL_FACTORS)
     # A pilot that is enough where light is smooth, since neighbours share theirs. Of few receivers it may cost as much
     # as the rest of a bake, since fewer rays would make that little shorter.
     doublings = np.log2(64 * 0.03 / error)

@@ -139,7 +139,7 @@ def _add_to_lumels(bake: Bake, scene: Scene, settings: Settings, looks: Sequence
     # What was baked agrees across the seams already.
     size = np.abs(noise).mean(axis=1)
     errors = size / np.maximum(values.mean(axis=1), np.maximum(size, 1e-30))
-    return finished(lumels, Seams(samples, lumels, scene, values, errors), values, settings), _rms(noise)
+    return finished(lumels, Seams(samples, lumels, scene, values, errors), values, settings, run), _rms(noise)
 
 
 def _smoothed(looks: Sequence[Float], receivers: Receivers, near: Neighbours, run: Run) -> tuple[Float, Float]:

@@ -133,7 +133,7 @@ class Transport:
         self.apart = np.concatenate([self.apart, np.full((len(self.apart), more, 3), np.nan, np.float32)], axis=1)
 
     def _extents(self) -> Float:
-        """(patches,) float32: how wide each patch is, from the spread of its cells, metres.
+        """(patches,) float32: how wide each patch is, from the spread of its cells and their own width, metres.
 
         The longest side of a box that is evenly filled is sqrt(12) standard deviations; the octree's box may be far
         wider than what of a patch lies in it.
@@ -146,7 +146,8 @@ class Transport:
             mean = np.bincount(self.cell_patch, place, count) / number
             deviation = (place - mean[self.cell_patch]) ** 2
             square = np.maximum(square, np.bincount(self.cell_patch, deviation, count) / number)
-        return np.asarray(np.minimum(np.sqrt(12 * square), self.patches.size()), np.float32)
+        own = np.bincount(self.cell_patch, self.met.area, count) / number
+        return np.asarray(np.minimum(np.sqrt(12 * square + own), self.patches.size()), np.float32)
 
     # --- rays ----------------------------------------------------------------------------------------------------
     def trace(self, origins: Float, directions: Float, behind: NDArray[np.bool_] | None = None) -> Met:

@@ -99,8 +99,8 @@ def test_a_triangle_smaller_than_the_size_is_one_cell_with_two_sides():
 
 
 def test_a_giant_plate_does_not_make_cells_coarser_elsewhere():
-    # A board of 1 m and a plate of 10 km with ten thousand times as many cells of 1 mm as there can be: the board keeps
-    # its cells, the plate has what can be; of two such plates each has half of it.
+    # A board of 1 m and a plate of 10 km, with far more cells of 1 mm than there can be: the board keeps its cells, the
+    # plate has what can be; of two such plates each has half of it.
     board, plate = ([[0, 0, 1], [1, 0, 1], [0, 1, 1]], [[0, 0, 0], [1e4, 0, 0], [0, 1e4, 0]])
 
     def divisions(*corners):

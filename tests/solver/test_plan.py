@@ -49,7 +49,7 @@ def test_many_receivers_start_with_fewer_rays_each_than_few():
 
 def test_the_less_light_bounces_the_coarser_cells_are_and_the_fewer_rays_they_ask_with():
     # From all of the light to none; within the bounds.
-    plans = [plan(0.03, 1.0, share, 1000) for share in (1.0, 0.5, 0.25, 0.1, 0.0)]
+    plans = [plan(0.03, 1.0, share, 25_000) for share in (1.0, 0.5, 0.25, 0.1, 0.0)]
     sizes = [one.cell_size for one in plans]
     assert sorted(sizes) == sizes
     assert sizes[1] == pytest.approx(CELL_SHARE)
@@ -57,10 +57,15 @@ def test_the_less_light_bounces_the_coarser_cells_are_and_the_fewer_rays_they_as
     assert [one.cell_samples for one in plans] == [16, 8, 4, 4, 4]
 
 
-def test_cells_are_smaller_where_many_receivers_may_stand_close_by():
-    # The fourth root of their number, from 25,000 on.
-    sizes = [plan(0.03, 1.0, 0.5, count).cell_size for count in (100, 25_000, 400_000)]
-    assert sizes == pytest.approx([CELL_SHARE, CELL_SHARE, CELL_SHARE / 2])
+def test_cells_are_smaller_where_many_receivers_may_stand_close_by_and_where_few_stand_alone():
+    # The fourth root of their number over 25,000; below that the eighth root of its inverse.
+    sizes = [plan(0.03, 1.0, 0.5, count).cell_size for count in (25_000 / 256, 25_000, 400_000)]
+    assert sizes == pytest.approx([CELL_SHARE / 2, CELL_SHARE, CELL_SHARE / 2])
+
+
+def test_cells_are_small_where_receivers_see_surfaces_that_glow():
+    # Half of the light from glowing surfaces and none bounced: as small as if half of it bounced.
+    assert plan(0.03, 1.0, 0.0, 25_000, 0.5).cell_size == pytest.approx(plan(0.03, 1.0, 0.5, 25_000).cell_size)
 
 
 def test_cells_ask_lamps_with_more_rays_where_less_error_is_wanted():

@@ -133,7 +133,7 @@ def test_a_dark_room_is_lit_through_its_door_as_path_tracing_says():
     geometry = Geometry(scene)
     auditor = Auditor(geometry, *light_sources(geometry), 77)
     places = ReceiverFootprints(geometry, probes(scene, points, normals), 0.5, 0)
-    groups = auditor.truth(places, np.arange(len(points)), 4096, Run(2)).groups("both")[..., 0]
+    groups = auditor.truth(places, np.arange(len(points)), 2**16, Run(2)).groups("both")[..., 0]
     truth = groups.mean(axis=1)
     noise = (groups.var(axis=1, ddof=1) / groups.shape[1]).mean()
     assert np.sqrt(max(np.mean((found - truth) ** 2) - noise, 0)) / truth.mean() < ERROR
