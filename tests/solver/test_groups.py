@@ -69,10 +69,13 @@ def test_a_bake_with_groups_is_the_bake_without_them(kept):
     assert np.array_equal(kept.lightmaps[0].pixels, whole.lightmaps[0].pixels)
 
 
-def test_other_powers_and_colours_give_the_light_of_a_fresh_bake(kept):
-    # Every light changed, the red lamp to blue, a channel that it had nothing of. Exact answer: a fresh bake.
+def test_other_powers_and_colours_give_the_light_of_a_fresh_bake():
+    # Every light changed, the red lamp to blue, a channel that it had nothing of. Exact answer: a fresh bake. The means
+    # of two bakes to 10 % are .4 % apart by chance, of two to 2 % .2 %.
+    settings = solver.Settings(**{**QUICK, "error": 0.02})
+    kept = solver.bake(room(), settings, groups=apart(room()))
     fresh = room((0.0, 3.0, 24.0), (1.0, 0.5, 0.0), 1.0, (0.3, 0.0, 0.1))
-    expected = solver.bake(fresh, solver.Settings(**QUICK), groups=apart(fresh)).lightmaps[0].pixels
+    expected = solver.bake(fresh, settings, groups=apart(fresh)).lightmaps[0].pixels
     found = mixed(kept, {"a": (0, 0.25, 2), "b": (1 / 6, 0.5 / 6, 0), "glow": (1 / 3,) * 3, "sky": (1.5, 0, 0.5)})
     assert np.abs(found.mean(axis=(0, 1)) - expected.mean(axis=(0, 1))).max() < 0.005 * expected.mean()
     assert np.sqrt(np.mean((found - expected) ** 2)) < 0.03 * expected.mean()
