@@ -24,9 +24,10 @@ RESTART = 30
 MOST_PRODUCTS = 300
 # A residual that a whole restart did not bring below this part of its start has stalled: the system is singular.
 STALL = 0.9
-# Products are float32, so that no residual falls below some 2e-7 of the solution's norm (measured: .8e-7 to 1.8e-7 for
-# closed rooms of reflectance .99 to .9999, whose light is 100 to 10,000 times the direct). A stall there is no failure.
-ROUNDING = 4e-7
+# Products are float32, so that no residual falls below some units in their last place of the solution's norm (measured
+# for closed rooms of reflectance .99 to .9999, whose light is 100 to 10,000 times the direct: .8e-7 to 1.8e-7 with one
+# build of NumPy, up to 4.7e-7 with another, which adds in another order). A stall there is no failure.
+ROUNDING = 8 * 2.0**-23
 # A stall below this part of the right-hand side is good enough for any light, one above the other for none: where
 # nothing is absorbed the solution is rounding itself.
 GOOD_ENOUGH, TOO_MUCH = 1e-4, 1e-2
