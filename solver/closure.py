@@ -14,11 +14,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .cells import NOTHING
+from .parallel import slices
 
 if TYPE_CHECKING:
     from .transport import Transport
 
 Float = NDArray[np.floating[Any]]
+
+# Cells that are added up at once: eight figures of each.
+CHUNK = 2**16
 
 
 @dataclass(frozen=True, eq=False)
@@ -52,23 +56,16 @@ class PatchTable:
 def patch_table(transport: Transport) -> PatchTable:
     """Read the figures off a solved transport."""
     patch, count = transport.cell_patch, len(transport.patches)
-    spots, area = transport.met.spots, transport.met.own_area.astype(np.float64)
+    spots, area = transport.met.spots, transport.met.own_area
     front, triangle = spots.front, spots.triangle
     total = np.bincount(patch, area, count)
-
-    def mean(values: Float) -> Float:
-        """Area-weighted means over the patches of (cells, k) values."""
-        columns = [np.bincount(patch, area * column, count) for column in values.T]
-        return np.asarray(np.stack(columns, axis=1) / np.maximum(total, 1e-30)[:, None])
-
-    facing = np.where(front[:, None], transport.geometry.normal[triangle], -transport.geometry.normal[triangle])
-    normal = mean(facing)
-    length = np.linalg.norm(normal, axis=1, keepdims=True)
-    normal = np.divide(normal, length, out=np.zeros_like(normal), where=length > 1e-6)
-    indirect = np.nan_to_num(transport.irradiance)[patch]
-    absorbed = (1 - transport.cell_reflectance) * (transport.met.incident + indirect)
-    leaving = transport.cell_direct + transport.cell_reflectance * indirect
-    watts = mean(np.stack([leaving.mean(axis=1), absorbed.mean(axis=1)], axis=1))
+    sums = np.zeros((8, count))
+    for part in slices(len(patch), CHUNK):
+        for sum_of, values in zip(sums, _figures(transport, part), strict=True):
+            sum_of += np.bincount(patch[part], area[part] * values, count)
+    mean = (sums / np.maximum(total, 1e-30)).T
+    length = np.linalg.norm(mean[:, :3], axis=1, keepdims=True)
+    normal = np.divide(mean[:, :3], length, out=np.zeros((count, 3)), where=length > 1e-6)
     row_sum, back, traced = np.zeros(count), np.zeros(count), np.zeros(count, bool)
     is_back = np.append(~front, False)  # the last entry is NOTHING's
     for rows in transport.rows:
@@ -76,11 +73,24 @@ def patch_table(transport: Transport) -> PatchTable:
         back[rows.patch] = is_back[rows.hits].mean(axis=1)
         traced[rows.patch] = True
     keep = np.flatnonzero(traced & (total > 0))
-    middle = mean(spots.points)[keep] + transport.geometry.scene.origin
+    middle = mean[keep, 3:6] + transport.geometry.scene.origin
     surface = _owners(transport, patch, triangle, area, count)[keep]
-    facing, size, sums, backs, out, kept = (
-        np.asarray(values[keep], np.float32) for values in (normal, total, row_sum, back, watts[:, 0], watts[:, 1]))
-    return PatchTable(middle, facing, size, surface, sums, backs, out, kept)
+    facing, size, surfaces, backs, out, kept = (
+        np.asarray(values[keep], np.float32) for values in (normal, total, row_sum, back, mean[:, 6], mean[:, 7]))
+    return PatchTable(middle, facing, size, surface, surfaces, backs, out, kept)
+
+
+def _figures(transport: Transport, part: slice) -> list[Float]:
+    """Of some cells, (m,) float64 each: normal, middle, leaving, absorbed."""
+    met, spots = transport.met, transport.met.spots
+    facing = np.take(transport.geometry.normal, spots.triangle[part], axis=0)
+    facing = np.where(spots.front[part, None], facing, -facing)
+    indirect = np.nan_to_num(np.take(transport.irradiance, transport.cell_patch[part], axis=0))
+    reflectance = met.reflectance[part]
+    leaving = met.direct[part] + reflectance * indirect
+    absorbed = (1 - reflectance) * (met.incident[part] + indirect)
+    return [np.asarray(column, np.float64) for column in
+            (*facing.T, *spots.points[part].T, leaving.mean(axis=1), absorbed.mean(axis=1))]
 
 
 def _owners(transport: Transport, patch: NDArray[np.int32], triangle: NDArray[np.integer[Any]], area: Float,

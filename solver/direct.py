@@ -63,11 +63,42 @@ COLUMNS = (3, 0, 2, 1)
 FEW_LAMPS = 4
 # A lamp that would give less than this part of all light at a point is drawn with a probability.
 SMALL_SHARE = 2e-3
-# A table is summed up anew where more than one row in this many gets light, else row by row.
-FEW_ROWS = 16
 # Receivers of a block that lamps are chosen for, at most; and of a region in which it is tried out which lamps can be
 # seen: with and without a wanted error.
 BLOCK, FINE_REGION, REGION = 64, 64, 512
+
+
+class _Batch:
+    """Receivers that are worked on together.
+
+    Parameters
+    ----------
+    rows : (m,) which these are.
+    part : their places in the order of `place`.
+    neighbours : (n, 8) of all receivers, -1 for none; those outside of the batch are not asked.
+    place : (n,) the place of each; None for the receivers' own order.
+    """
+
+    def __init__(self, rows: Int, part: slice, neighbours: Int | None, place: Int | None = None) -> None:
+        self._rows, self._first, self._place = rows, part.start, place
+        self.neighbours = neighbours
+        if neighbours is not None and place is not None:
+            around = neighbours[rows]
+            own = place[around] - part.start
+            self.neighbours = np.where((around >= 0) & (own >= 0) & (own < len(rows)), own, -1)
+
+    def __len__(self) -> int:
+        return len(self._rows)
+
+    def place(self, rows: Int) -> Int:
+        """The places of receivers in the batch."""
+        return rows if self._place is None else self._place[rows] - self._first
+
+    def add(self, total: Float, varied: Float | None, found: tuple[Float, Float]) -> None:
+        """Add to (n, ...) and (n,) of all receivers what was found of these."""
+        total[self._rows] += found[0]
+        if varied is not None:
+            varied[self._rows] += found[1]
 
 
 class DirectLight:
@@ -83,6 +114,7 @@ class DirectLight:
 
     def __init__(self, geometry: Geometry, lights: Sequence[Light], seed: int, split: Split | None = None) -> None:
         self.geometry, self.lights, self.seed, self.split = geometry, tuple(lights), seed, split
+        self._columns = 3 if split is None else split.columns
         self._colour = np.array([light.colour for light in self.lights], np.float32).reshape(-1, 3)
         self._brightness = self._colour.mean(axis=1)
         self._banks, self._bank, self._place, blockers = banks(self.lights)
@@ -116,22 +148,31 @@ class DirectLight:
         -------
         (n, 3) float32, W/m2; with g groups (n, 3 + 3 g).
         """
-        total = np.zeros((len(places), 3 if self.split is None else self.split.columns), np.float32)
+        total = np.zeros((len(places), self._columns), np.float32)
         if not self.lights or not len(places):
             return total
         wish = Wish(tolerance, pilot, small_share, CLOSED_SAMPLES if self._chooser is None else closed)
-        if self._chooser is None:
+        chooser = self._chooser
+        if chooser is None:
+            together = _Batch(np.arange(len(places)), slice(0, len(places)), neighbours)
             for lamp in range(len(self.lights)):
                 looks = everybody(self._reach.rows(lamp, places), lamp, wish)
-                self._add(total, looks, places, wish, neighbours, run, varied)
+                together.add(total, varied, self._light(looks, together, places, wish, run))
             return total
         most = (FINE_REGION if tolerance > 0 else REGION, BLOCK)
         regions, blocks, single = Blocks.nested(places, most, run, self._reach.kinds(places))
-        shown = self._chooser.shown(regions, places, lambda lamp, rows: self._attempt(places, lamp, rows, run))
+        shown = chooser.shown(regions, places, lambda lamp, rows: self._attempt(places, lamp, rows, run))
         within = np.searchsorted(regions.begin, blocks.begin[:-1], side="right") - 1
-        for batch in self._chooser.batches(blocks):
-            looks = self._chooser.looks(blocks.take(batch), single, shown[within[batch]], places, wish)
-            self._add(total, looks, places, wish, neighbours, run, varied)
+        place = np.empty(len(places), np.int64)
+        place[blocks.order] = np.arange(len(places))
+
+        def work(part: slice) -> None:
+            some = blocks.take(part)
+            batch = _Batch(some.rows, slice(some.begin[0], some.begin[-1]), neighbours, place)
+            looks = chooser.looks(some, single, shown[within[part]], places, wish)
+            batch.add(total, varied, self._light(looks, batch, places, wish, run))
+
+        run.map(work, chooser.batches(blocks))
         return total
 
     def _attempt(self, places: Footprints, lamp: Int, rows: Int, run: Run) -> tuple[Float, Float]:
@@ -151,27 +192,26 @@ class DirectLight:
             out[column, order] = np.concatenate([piece[column] for piece in pieces]) * self._brightness[lamp]
         return out[0], out[1]
 
-    def _add(self, total: Float, looks: Looks, places: Footprints, wish: Wish, neighbours: Int | None,
-             run: Run, every_varied: Float | None) -> None:
-        """Add what lamps give to those who look at them."""
+    def _light(self, looks: Looks, batch: _Batch, places: Footprints, wish: Wish, run: Run) -> tuple[Float, Float]:
+        """What lamps give to the receivers of a batch that look at them, as `apart` returns it; and by how much their
+        closed forms vary on each (n,)."""
         if not len(looks):
-            return
+            return np.zeros((len(batch), self._columns), np.float32), np.zeros(len(batch))
         # What is alike is worked on together: the same bank, number of rays, and with a closed form or without.
         none = np.zeros(len(looks), np.int64)
         order, _ = _runs(self._kinds(looks, none, looks.rays, looks.closed.astype(np.int64)))
         looks = looks.take(order)
+        own = batch.place(looks.rows)
         sums = self._sums(looks, places, none, looks.rays, np.where(looks.closed, wish.closed, 0), run)
         value, spread = ratio(sums, looks.rays)
-        varied = sums.varied * self._brightness[looks.lamp] * looks.factor
-        if every_varied is not None:
-            every_varied += np.bincount(looks.rows, varied, len(total))
+        brightness = self._brightness[looks.lamp] * looks.factor
+        varied = sums.varied * brightness
         # A lamp of which the rays met only what lies below the horizon gives something all the same.
         wanted = np.where((sums.tried == 0) & (sums.closed > 0), LOST_FACTOR * looks.rays, 0.0)
         asked = np.zeros(len(looks))
         if wish.tolerance > 0:
-            doubt = self._doubt(looks, sums, len(total), neighbours)
-            sigma = np.where(doubt, np.maximum(spread, sums.level * 0.25), 0) * (
-                self._brightness[looks.lamp] * looks.factor)
+            doubt = self._doubt(looks, own, sums, batch)
+            sigma = np.where(doubt, np.maximum(spread, sums.level * 0.25), 0) * brightness
             wanted = np.maximum(wanted, np.where(sigma > 0, (sigma / wish.tolerance) ** (1 / QMC_RATE), 0))
             asked = CLOSED_MORE * (varied / wish.tolerance) ** (1 / (0.5 + QMC_RATE))
             asked[varied <= wish.tolerance * sums.places**QMC_RATE] = 0
@@ -186,33 +226,33 @@ class DirectLight:
             added = self._sums(looks.take(some), places, start, more, places_more, run)
             value[some] = ratio(sums.take(some).plus(added), count)[0]
         value = value * looks.factor
-        for channel in range(3):
-            total[:, channel] += np.bincount(looks.rows, value * self._colour[looks.lamp, channel], len(total))
+        light = [_sums_of(own, value * self._colour[looks.lamp, channel], len(batch)) for channel in range(3)]
         if self.split is not None:
-            self._add_apart(total, looks, value, self.split)
+            light += self._light_apart(looks.lamp, own, value, len(batch), self.split)
+        return np.stack(light, axis=1), _sums_of(own, varied, len(batch))
 
-    def _add_apart(self, total: Float, looks: Looks, value: Float, split: Split) -> None:
-        """Add the same to the columns of the lamps' groups."""
-        group = split.lamp_group[looks.lamp]
+    @staticmethod
+    def _light_apart(lamp: Int, own: Int, value: Float, count: int, split: Split) -> list[Float]:
+        """The same for the columns of the lamps' groups."""
+        light = [np.zeros(count, np.float32)] * (split.columns - 3)
+        group = split.lamp_group[lamp]
         for number in np.unique(group):
-            own = np.flatnonzero(group == number)
-            rows, light = looks.rows[own], value[own, None] * split.lamp_colour[looks.lamp[own]]
-            first = split.first_column(int(number))
-            if len(own) * FEW_ROWS < len(total):
-                np.add.at(total[:, first:first + 3], rows, light)
-                continue
+            of_group = np.flatnonzero(group == number)
+            first = split.first_column(int(number)) - 3
             for channel in range(3):
-                total[:, first + channel] += np.bincount(rows, light[:, channel], len(total))
+                given = value[of_group] * split.lamp_colour[lamp[of_group], channel]
+                light[first + channel] = _sums_of(own[of_group], given, count)
+        return light
 
-    def _doubt(self, looks: Looks, sums: ShadowSums, count: int, neighbours: Int | None) -> NDArray[np.bool_]:
-        """(n,) whether more rays could change what was found, lamp by lamp."""
-        enough = looks.rays >= TELLING
+    @staticmethod
+    def _doubt(looks: Looks, own: Int, sums: ShadowSums, batch: _Batch) -> NDArray[np.bool_]:
+        """(n,) whether more rays could change what was found, lamp by lamp; `own` (n,) are receivers in the batch."""
         doubt = np.zeros(len(looks), bool)
-        order, runs = _runs(looks.lamp)
+        enough = np.flatnonzero(looks.rays >= TELLING)
+        order, runs = _runs(looks.lamp[enough])
         for part in runs:
-            these = order[part]
-            doubt[these] = doubtful(sums.take(these), looks.rows[these], enough[these], looks.closed[these], count,
-                                    neighbours)
+            these = enough[order[part]]
+            doubt[these] = doubtful(sums.take(these), own[these], looks.closed[these], len(batch), batch.neighbours)
         return doubt
 
     def _kinds(self, looks: Looks, start: Int, count: Int, asked: Int) -> Int:
@@ -274,6 +314,11 @@ class DirectLight:
         closed = bank.irradiance(np.take(points, index, axis=0), np.take(normals, index, axis=0),
                                  np.repeat(self._place[lamp], asked)).reshape(-1, asked)
         return np.asarray(closed.mean(axis=1)), np.nan_to_num(closed.std(axis=1))
+
+
+def _sums_of(rows: Int, values: Float, count: int) -> Float:
+    """(count,) float32: the sum of the values of each row."""
+    return np.asarray(np.bincount(rows, values, count), np.float32)
 
 
 def _runs(kind: Int) -> tuple[Int, list[slice]]:

@@ -11,12 +11,15 @@ from numpy.typing import NDArray
 from .cells import NOTHING, Cells
 from .footprints import CellFootprints
 from .met_cells import CELL_CLOSED, CELL_SMALL_SHARE
-from .parallel import Run
+from .parallel import Run, slices
 from .sampling import kronecker, uniform
 from .transport import Transport
 
 Float = NDArray[np.floating[Any]]
 Int = NDArray[np.integer[Any]]
+
+# Cells that are added up at once.
+CHUNK = 2**16
 
 # Places at which direct light is added up, and shadow rays from each to a lamp.
 DRAWS, RAYS = 2**15, 8
@@ -59,11 +62,6 @@ def energy_balance(transport: Transport, seed: int, run: Run) -> EnergyBalance:
         return EnergyBalance(0.0, 0.0, 0.0)
     area = _solid_area(transport)
     solved = ~np.isnan(transport.irradiance[:, 0])
-    indirect = np.nan_to_num(transport.irradiance)[patch]
-
-    def total(values: Float) -> Float:
-        return np.asarray(np.bincount(patch, area * values.mean(axis=1), count), np.float64)
-
     drawn, weight = _drawn(area * (met.incident.mean(axis=1) + LEAST_SHARE * met.incident.mean()), seed)
     weight = weight * area[drawn]
     places = _Draws(transport.cells, met.cells.side[drawn])
@@ -73,15 +71,29 @@ def energy_balance(transport: Transport, seed: int, run: Run) -> EnergyBalance:
         return np.asarray(np.bincount(patch[drawn], weight * (landing * part).mean(axis=1), count), np.float64)
 
     reflectance = met.reflectance[drawn]
-    leaving = total(met.emission + met.reflectance * indirect) + landed(reflectance)
+    emitted, reflected, kept = _of_patches(transport, area)
+    leaving = emitted + reflected + landed(reflectance)
     size = np.bincount(patch, area, count)
     sky, free = np.zeros(count), np.zeros(count)
     for rows in transport.rows:
         sky[rows.patch] = rows.mean_sky().mean(axis=1) * size[rows.patch]
         free[rows.patch] = (rows.hits == NOTHING).mean(axis=1)
-    absorbed = total((1 - met.reflectance) * indirect) + landed(1 - reflectance)
-    part = [float(values[solved].sum()) for values in (total(met.emission) + landed() + sky, absorbed, leaving * free)]
+    absorbed = kept + landed(1 - reflectance)
+    part = [float(values[solved].sum()) for values in (emitted + landed() + sky, absorbed, leaving * free)]
     return EnergyBalance(*part)
+
+
+def _of_patches(transport: Transport, area: Float) -> Float:
+    """(3, p) W of each patch, mean of the channels: what its cells emit, and what they reflect and absorb of the
+    patch's irradiance."""
+    met, patch, count = transport.met, transport.cell_patch, len(transport.patches)
+    found = np.zeros((3, count))
+    for part in slices(len(patch), CHUNK):
+        indirect = np.nan_to_num(np.take(transport.irradiance, patch[part], axis=0))
+        reflected = met.reflectance[part] * indirect
+        for sum_of, values in zip(found, (met.emission[part], reflected, indirect - reflected), strict=True):
+            sum_of += np.bincount(patch[part], area[part] * values.mean(axis=1), count)
+    return found
 
 
 def _drawn(share: Float, seed: int) -> tuple[Int, Float]:

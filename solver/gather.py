@@ -24,6 +24,7 @@ from numpy.typing import NDArray
 from .fans import Fans
 from .met import Met
 from .parallel import Run, shares
+from .plan import FEW_RECEIVERS
 from .sampling import cosine_directions, shifts
 from .seen import Seen
 from .tables import mean_over_rays
@@ -35,7 +36,7 @@ Int = NDArray[np.integer[Any]]
 CHUNK_RAYS = 2**17
 # Fewer rays than this are not worth a thread.
 LEAST_RAYS = 2**13
-# Rays between two looks at what cells are new.
+# Rays between two looks at what cells are new (some 50 bytes each); half as many where receivers take much memory.
 PASS_RAYS = 2**22
 # A receiver is confined if this part of its rays meet a patch nearer than NEAR_PATCHES times its width. Such rays go
 # on, and so do rays of other receivers that meet a back so near; their last hit, of so many, asks its patch.
@@ -139,7 +140,8 @@ class Gather:
         """
         pieces = [(number, piece) for number, look in enumerate(looks) for piece in look.pieces()]
         found: list[list[Float]] = [[] for _ in looks]
-        passes = _passes([len(piece.rows) * piece.count for _, piece in pieces])
+        at_once = PASS_RAYS if len(fans) <= FEW_RECEIVERS else PASS_RAYS // 2
+        passes = _passes([len(piece.rows) * piece.count for _, piece in pieces], at_once)
         for number, part in enumerate(passes):
             traced = run.map(lambda job: self._trace(fans, job[1]), pieces[part])
             going = traced
@@ -309,8 +311,8 @@ def _mean_of(light: Float, ray: Int, look: Look) -> Float:
     return np.asarray(np.stack(columns, axis=1) / look.count, np.float32)
 
 
-def _passes(rays: Sequence[int]) -> list[slice]:
-    """Runs of pieces with about PASS_RAYS rays each."""
-    number = (np.cumsum(rays) - 1) // PASS_RAYS
+def _passes(rays: Sequence[int], most: int) -> list[slice]:
+    """Runs of pieces with about `most` rays each."""
+    number = (np.cumsum(rays) - 1) // most
     edges = np.append(np.flatnonzero(np.diff(number, prepend=-1)), len(number))
     return [slice(first, last) for first, last in zip(edges[:-1], edges[1:], strict=True)]

@@ -24,6 +24,7 @@ from numpy.typing import NDArray
 from .blocks import Blocks
 from .footprints import Footprints
 from .light_bounds import LightBounds
+from .parallel import shares
 from .sampling import uniform
 
 Float = NDArray[np.floating[Any]]
@@ -41,8 +42,10 @@ APART = 1e-3
 TRIES, MOST_TRIES = 1.0, 16
 # Part of the bound that is added to what is expected: what is found against expectation counts 1 / p times.
 BOUND_PART = 0.02
-# Blocks times lamps that are worked on at once.
-BATCH_PAIRS = 2**21
+# Pairs of block and lamp, and about how many looks, that are worked on at once (up to 100 bytes each); lamps that a
+# receiver looks at where there are very many; and receivers that are worth a thread.
+BATCH_PAIRS, BATCH_LOOKS = 2**19, 2**19
+USUAL_LOOKS, LEAST_RECEIVERS = 256, 512
 # Error of the visible part by n rays: half of the light times n^-RATE.
 RATE = 0.75
 # From this many rays on, more are spent where they disagree.
@@ -167,9 +170,13 @@ class Chooser:
             self._drawn(blocks, places, rest, limit, highest, wish)])
 
     def batches(self, blocks: Blocks) -> list[slice]:
-        """Runs of blocks to be handed to `looks` one by one."""
-        step = max(1, BATCH_PAIRS // len(self._bounds.strength))
-        return [slice(start, min(start + step, len(blocks))) for start in range(0, len(blocks), step)]
+        """Runs of blocks to be handed to `looks` one by one: enough of them for all threads."""
+        lamps = len(self._bounds.strength)
+        receivers = max(1, BATCH_LOOKS // min(lamps, USUAL_LOOKS))
+        share = max(1, shares(int(blocks.size.sum()), receivers, LEAST_RECEIVERS)[0].stop)
+        end = np.cumsum(np.maximum(blocks.size / share, lamps / BATCH_PAIRS))
+        edges = np.append(np.append(0, np.flatnonzero(np.diff(np.floor(end))) + 1), len(blocks))
+        return [slice(first, last) for first, last in zip(edges[:-1], edges[1:], strict=True)]
 
     def _sure(self, blocks: Blocks, block: Int, lamp: Int, rays: Int, wish: Wish) -> Looks:
         """All receivers of a block look at a lamp."""

@@ -84,11 +84,18 @@ class Run:
         work of its own does it where it is."""
         pieces = list(pieces)
         results: list[Any] = [None] * len(pieces)
-        if self.threads == 1 or len(pieces) == 1 or getattr(_here, "is_worker", False):
-            for index, piece in enumerate(pieces):
-                self.check()
-                results[index] = work(piece)
-                self.report((index + 1) / len(pieces))
+        within = getattr(_here, "is_worker", False)
+        if self.threads == 1 or len(pieces) == 1 or within:
+            # Work within work tells nothing of how far the whole is.
+            _here.is_worker = within or len(pieces) > 1
+            try:
+                for index, piece in enumerate(pieces):
+                    self.check()
+                    results[index] = work(piece)
+                    if not within:
+                        self.report((index + 1) / len(pieces))
+            finally:
+                _here.is_worker = within
             return results
         if self._pool is None:
             # Kept, for starting threads takes as long as a small piece of work. They end with the run.

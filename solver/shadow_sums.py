@@ -71,20 +71,19 @@ def ratio(sums: ShadowSums, count: Int | int) -> tuple[Float, Float]:
     return np.asarray(value, np.float32), np.asarray(spread, np.float32)
 
 
-def doubtful(sums: ShadowSums, rows: Int, enough: NDArray[np.bool_], asked: NDArray[np.bool_], count: int,
+def doubtful(sums: ShadowSums, rows: Int, asked: NDArray[np.bool_], count: int,
              neighbours: Int | None) -> NDArray[np.bool_]:
     """Footprints whose rays, or whose neighbours' rays, did not all agree; and all of a lamp without closed form.
 
-    rows : (n,) the footprints, of `count`; enough : (n,) whether their rays are enough to tell: the others are in no
-    doubt; asked : (n,) whether the closed form was asked for; neighbours : (count, 8) footprints around each, -1 for
-    none.
+    rows : (n,) the footprints, of `count`; asked : (n,) whether the closed form was asked for; neighbours : (count, 8)
+    footprints around each, -1 for none.
     """
-    doubt = np.asarray(enough & ((sums.met > 0) & (sums.met < sums.tried) | (asked & ~sums.is_closed)))
+    doubt = np.asarray((sums.met > 0) & (sums.met < sums.tried) | (asked & ~sums.is_closed))
     if neighbours is None:
         return doubt
     # 0: not asked, 1: all free, 2: none free, 3: mixed
     state = np.zeros(count + 1, np.int8)
-    told = enough & (sums.tried > 0)
+    told = sums.tried > 0
     state[rows] = np.where(doubt, 3, np.where(~told, 0, np.where(sums.met > 0, 1, 2)))
     around = np.take(state, np.take(neighbours, rows, axis=0))
     own = state[rows][:, None]
