@@ -38,8 +38,8 @@ Int = NDArray[np.integer[Any]]
 
 # Rays of one chunk of work (a thread's arrays stay near 20 MB).
 CHUNK_RAYS = 2**17
-# A smaller part of a chunk than this is not worth a thread.
-LEAST_PART = 16
+# Fewer than these are not worth a thread.
+LEAST_RAYS = 2**13
 # Shadow rays of the pilot for one lamp and point; an occluder of less than 1/16 of lamp and footprint can be missed
 # unless a neighbour sees it.
 PILOT_RAYS = 16
@@ -76,11 +76,16 @@ class _Batch:
     rows : (m,) which these are.
     part : their places in the order of `place`.
     neighbours : (n, 8) of all receivers, -1 for none; those outside of the batch are not asked.
-    place : (n,) the place of each; None for the receivers' own order.
+    place : (n,) the place of each; None if these are all, in their own order.
+
+    Attributes
+    ----------
+    part : rays that are worth cutting work for: where these are not all, other batches keep the other threads busy.
     """
 
     def __init__(self, rows: Int, part: slice, neighbours: Int | None, place: Int | None = None) -> None:
         self._rows, self._first, self._place = rows, part.start, place
+        self.part = LEAST_RAYS if place is None else CHUNK_RAYS
         self.neighbours = neighbours
         if neighbours is not None and place is not None:
             around = neighbours[rows]
@@ -186,7 +191,7 @@ class DirectLight:
             points, normals = places.sample(rows[part], *shifts(key, 2, self.seed + 7).T)
             return self._shadow(lamp[part], points, normals, shifts(key, 2, self.seed + 9), run)
 
-        pieces = run.map(work, _pieces(runs, CHUNK_RAYS))
+        pieces = run.map(work, _pieces(runs, CHUNK_RAYS, LEAST_RAYS))
         out = np.zeros((2, len(rows)), np.float32)
         for column in range(2 if pieces else 0):
             out[column, order] = np.concatenate([piece[column] for piece in pieces]) * self._brightness[lamp]
@@ -202,7 +207,7 @@ class DirectLight:
         order, _ = _runs(self._kinds(looks, none, looks.rays, looks.closed.astype(np.int64)))
         looks = looks.take(order)
         own = batch.place(looks.rows)
-        sums = self._sums(looks, places, none, looks.rays, np.where(looks.closed, wish.closed, 0), run)
+        sums = self._sums(looks, places, none, looks.rays, np.where(looks.closed, wish.closed, 0), batch.part, run)
         value, spread = ratio(sums, looks.rays)
         brightness = self._brightness[looks.lamp] * looks.factor
         varied = sums.varied * brightness
@@ -223,7 +228,7 @@ class DirectLight:
             order, _ = _runs(self._kinds(looks.take(some), start, more, places_more))
             some, start, more, places_more = some[order], start[order], more[order], places_more[order]
             count = start + more
-            added = self._sums(looks.take(some), places, start, more, places_more, run)
+            added = self._sums(looks.take(some), places, start, more, places_more, batch.part, run)
             value[some] = ratio(sums.take(some).plus(added), count)[0]
         value = value * looks.factor
         light = [_sums_of(own, value * self._colour[looks.lamp, channel], len(batch)) for channel in range(3)]
@@ -262,9 +267,10 @@ class DirectLight:
             kind = kind << 16 | number
         return kind
 
-    def _sums(self, looks: Looks, places: Footprints, start: Int, count: Int, asked: Int, run: Run) -> ShadowSums:
+    def _sums(self, looks: Looks, places: Footprints, start: Int, count: Int, asked: Int, part: int,
+              run: Run) -> ShadowSums:
         """Sums over shadow rays start ... start + count - 1 of the point set, and the closed form at the first `asked`
-        of their places, for looks in which those that are alike stand together."""
+        of their places, for looks in which those that are alike stand together, in parts of so many rays at least."""
         def work(part: slice) -> ShadowSums:
             first = part.start
             return self._rays(looks.lamp[part], places, looks.rows[part], int(start[first]), int(count[first]),
@@ -273,7 +279,8 @@ class DirectLight:
         kinds = self._kinds(looks, start, count, asked)
         edges = np.append(np.append(0, np.flatnonzero(np.diff(kinds)) + 1), len(kinds))
         runs = [slice(first, last) for first, last in zip(edges[:-1], edges[1:], strict=True)]
-        jobs = [part for alike in runs for part in _pieces([alike], max(1, CHUNK_RAYS // int(count[alike.start])))]
+        jobs = [piece for alike in runs for piece in
+                _pieces([alike], *(max(1, rays // int(count[alike.start])) for rays in (CHUNK_RAYS, part)))]
         return ShadowSums.concatenate(run.map(work, jobs))
 
     def _rays(self, lamp: Int, places: Footprints, rows: Int, start: int, count: int, asked: int,
@@ -328,10 +335,10 @@ def _runs(kind: Int) -> tuple[Int, list[slice]]:
     return order, [slice(first, last) for first, last in zip(edges[:-1], edges[1:], strict=True)]
 
 
-def _pieces(runs: list[slice], size: int) -> list[slice]:
-    """Runs cut into pieces of at most `size`, for threads."""
+def _pieces(runs: list[slice], size: int, least: int) -> list[slice]:
+    """Runs cut into pieces of at most `size`, for threads, but of at least `least`."""
     return [slice(run.start + part.start, run.start + part.stop) for run in runs
-            for part in shares(run.stop - run.start, size, max(1, size // LEAST_PART))]
+            for part in shares(run.stop - run.start, size, least)]
 
 
 def _grown(rays: Int, wanted: Float) -> Int:
