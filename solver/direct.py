@@ -342,6 +342,5 @@ def _pieces(runs: list[slice], size: int, least: int) -> list[slice]:
 
 
 def _grown(rays: Int, wanted: Float) -> Int:
-    """The rays (n,), or 4, 16, 64 ... times as many where more are wanted."""
-    power = np.ceil(np.log(np.maximum(wanted / rays, 1)) / np.log(4.0)).astype(np.int64)
-    return np.asarray(rays * 4**power)
+    """The rays (n,), or 2, 4, 8 ... times as many where more are wanted."""
+    return np.asarray(rays * 2 ** np.ceil(np.log2(np.maximum(wanted / rays, 1))).astype(np.int64))
