@@ -145,11 +145,13 @@ def error_bar(baked: Float, groups: Float, expected: float | None = None) -> Err
 
 def _weighed(found: float, deviation: float, expected: float) -> float:
     """A mean square from what an audit found, with its standard deviation, and from what was expected: each by one over
-    its variance."""
+    its variance. What is expected is doubted the more, the further it lies outside of the audit's interval (as the
+    variance between studies is told by DerSimonian & Laird 1986)."""
     if expected <= 0 or deviation <= 0:
         return max(found, 0.0)
-    doubt = EXPECTED_DOUBT * expected
-    return max((found * doubt**2 + expected * deviation**2) / (doubt**2 + deviation**2), 0.0)
+    apart = max((found - expected) ** 2 - (INTERVAL * deviation) ** 2, 0.0)
+    doubt = (EXPECTED_DOUBT * expected) ** 2 + apart
+    return max((found * doubt + expected * deviation**2) / (doubt + deviation**2), 0.0)
 
 
 def _known_positive(found: float, deviation: float) -> float:

@@ -116,12 +116,14 @@ class _Draws(CellFootprints):
 
 def _solid_area(transport: Transport) -> Float:
     """(cells,) m2 of every met side of a cell, less what lets light through: its mean opacity at `OPACITY_SAMPLES`."""
-    side, area = transport.cells.side, transport.met.own_area
-    scene = transport.geometry.scene
-    if (np.asarray(scene.opacity) == 1).all() and (np.asarray(scene.opacity_texture) < 0).all():
-        return area
-    opacity = np.zeros(len(side), np.float32)
-    for x, y in kronecker(OPACITY_SAMPLES, 2):
-        triangle, u, v, _ = transport.cells.places(side, np.full(len(side), x), np.full(len(side), y))
-        opacity += transport.geometry.opacity(triangle, u, v)
-    return area * opacity / OPACITY_SAMPLES
+    met, cells, geometry = transport.met, transport.cells, transport.geometry
+    scene, area = geometry.scene, met.own_area
+    solid = (np.asarray(scene.opacity) == 1) & (np.asarray(scene.opacity_texture) < 0)
+    thin = np.flatnonzero(~solid[met.spots.triangle])
+    for some in (thin[part] for part in slices(len(thin), CHUNK)):
+        opacity = np.zeros(len(some), np.float32)
+        for x, y in kronecker(OPACITY_SAMPLES, 2):
+            triangle, u, v, _ = cells.places(cells.side[some], np.full(len(some), x), np.full(len(some), y))
+            opacity += geometry.opacity(triangle, u, v)
+        area[some] *= opacity / OPACITY_SAMPLES
+    return area

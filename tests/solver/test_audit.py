@@ -80,6 +80,18 @@ def test_of_few_receivers_no_more_than_one_in_a_thousand_is_left_out():
     assert np.mean(squares) == pytest.approx(12.544 / 255.744, abs=doubt)
 
 
+def test_what_a_bake_expects_of_itself_is_not_believed_against_the_audit():
+    # An error of .02, as is expected; and seven receivers of 384 that are too bright by .7 of the mean, of which the
+    # bake knows nothing: .097 in all. Without the audit's word .02 would be reported, far below its interval.
+    baked, groups, _ = _case(6, 0.02, 0.05)
+    baked, groups = baked[:384], groups[:384]
+    assert error_bar(baked, groups, 0.02).rms == pytest.approx(0.02, rel=0.1)
+    baked[:7] += 0.7 * groups.mean()
+    bar = error_bar(baked, groups, 0.02)
+    assert bar.rms == pytest.approx((0.02**2 + 7 / 384 * 0.7**2) ** 0.5, rel=0.15)
+    assert bar.rms_low <= bar.rms <= bar.rms_high
+
+
 def test_strength_of_light_changes_no_relative_error():
     # A thousand times brighter, a millionth as bright.
     baked, groups, _ = _case(5, 0.03, 0.03)
