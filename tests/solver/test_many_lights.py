@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from radiosity.solver import many_lights
 from radiosity.solver.area_lamp import Area
 from radiosity.solver.banks import banks
 from radiosity.solver.blocks import Blocks
@@ -15,7 +16,7 @@ from radiosity.solver.lamps import Point, Sun
 from radiosity.solver.light_bounds import LightBounds
 from radiosity.solver.linking import Reach, links_of
 from radiosity.solver.mesh_emitter import MeshEmitter
-from radiosity.solver.parallel import Run
+from radiosity.solver.parallel import SHARES, Run
 from radiosity.solver.probes import probes
 from radiosity.solver.spot import Spot
 from radiosity.tests.solver.rooms import quad
@@ -138,6 +139,29 @@ def test_a_thousand_lamps_are_summed_to_the_wanted_error(error):
     found, exact, _ = _floor(lamps, 4000, tolerance=error * level)
     assert np.sqrt(np.mean((found - exact) ** 2)) < error * level
     assert abs(np.mean(found - exact)) < 4 * np.std(found - exact) / len(found) ** 0.5 + 1e-4 * level
+
+
+def test_how_many_looks_are_worked_on_at_once_changes_no_bit(monkeypatch):
+    # 256 lamps over 3,000 receivers without neighbours: batches of 2,000 looks, and of 50 pairs of block and lamp.
+    lamps = _lattice(16)
+    usual = _floor(lamps, 3000, tolerance=0.02)
+    for constant, value in (("BATCH_LOOKS", 2000), ("BATCH_PAIRS", 50), ("LEAST_RECEIVERS", 1)):
+        monkeypatch.setattr(many_lights, constant, value)
+        other = _floor(lamps, 3000, tolerance=0.02)
+        assert np.array_equal(other[0], usual[0])
+        assert other[2] == usual[2]
+
+
+def test_batches_are_whole_blocks_that_together_are_all():
+    # 5,000 receivers and 300 lamps: every block once and in order, few enough receivers in each batch.
+    _, places = _cloud(5000)
+    blocks = Blocks.nested(places, (64,), Run(2))[0]
+    lights = tuple(Point(f"lamp {x}", (x / 10, 0, 2), 1.0) for x in range(300))
+    batches = many_lights.Chooser(LightBounds.of(lights), 0).batches(blocks)
+    assert [block for part in batches for block in range(part.start, part.stop)] == list(range(len(blocks)))
+    most = max(many_lights.LEAST_RECEIVERS, 5000 // SHARES)
+    assert max(blocks.take(part).size.sum() for part in batches) <= most + 64 + 1
+    assert len(batches) >= SHARES / 2
 
 
 def test_rays_hardly_grow_with_the_number_of_lamps():

@@ -72,10 +72,14 @@ def test_what_fails_beside_fails_where_its_result_is_asked_for():
 
 @pytest.mark.parametrize("threads", [1, 2])
 def test_work_may_map_work_of_its_own(threads):
-    # Eight pieces that map eight each, on two threads: no thread waits for ever for one that waits.
-    run = Run(threads)
+    # Eight pieces that map eight each, on two threads: no thread waits for ever for one that waits, and only the outer
+    # work tells how far it is, which never goes back.
+    told = []
+    run = Run(threads, lambda stage, fraction: told.append(fraction))
     rows = run.map(lambda row: run.map(lambda column: 10 * row + column, range(8)), range(8))
     assert rows == [[10 * row + column for column in range(8)] for row in range(8)]
+    assert told == sorted(told)
+    assert told[-1] == 1
 
 
 def test_a_piece_that_fails_ends_the_others_before_it_is_told():
