@@ -80,12 +80,13 @@ class _Batch:
 
     Attributes
     ----------
-    part : rays that are worth cutting work for: where these are not all, other batches keep the other threads busy.
+    least : fewer rays than these are not cut off for a thread: where this is not the only batch, the others keep all
+        threads busy.
     """
 
     def __init__(self, rows: Int, part: slice, neighbours: Int | None, place: Int | None = None) -> None:
         self._rows, self._first, self._place = rows, part.start, place
-        self.part = LEAST_RAYS if place is None else CHUNK_RAYS
+        self.least = LEAST_RAYS if place is None else CHUNK_RAYS
         self.neighbours = neighbours
         if neighbours is not None and place is not None:
             around = neighbours[rows]
@@ -207,7 +208,7 @@ class DirectLight:
         order, _ = _runs(self._kinds(looks, none, looks.rays, looks.closed.astype(np.int64)))
         looks = looks.take(order)
         own = batch.place(looks.rows)
-        sums = self._sums(looks, places, none, looks.rays, np.where(looks.closed, wish.closed, 0), batch.part, run)
+        sums = self._sums(looks, places, none, looks.rays, np.where(looks.closed, wish.closed, 0), batch.least, run)
         value, spread = ratio(sums, looks.rays)
         brightness = self._brightness[looks.lamp] * looks.factor
         varied = sums.varied * brightness
@@ -228,7 +229,7 @@ class DirectLight:
             order, _ = _runs(self._kinds(looks.take(some), start, more, places_more))
             some, start, more, places_more = some[order], start[order], more[order], places_more[order]
             count = start + more
-            added = self._sums(looks.take(some), places, start, more, places_more, batch.part, run)
+            added = self._sums(looks.take(some), places, start, more, places_more, batch.least, run)
             value[some] = ratio(sums.take(some).plus(added), count)[0]
         value = value * looks.factor
         light = [_sums_of(own, value * self._colour[looks.lamp, channel], len(batch)) for channel in range(3)]
@@ -267,7 +268,7 @@ class DirectLight:
             kind = kind << 16 | number
         return kind
 
-    def _sums(self, looks: Looks, places: Footprints, start: Int, count: Int, asked: Int, part: int,
+    def _sums(self, looks: Looks, places: Footprints, start: Int, count: Int, asked: Int, least: int,
               run: Run) -> ShadowSums:
         """Sums over shadow rays start ... start + count - 1 of the point set, and the closed form at the first `asked`
         of their places, for looks in which those that are alike stand together, in parts of so many rays at least."""
@@ -280,7 +281,7 @@ class DirectLight:
         edges = np.append(np.append(0, np.flatnonzero(np.diff(kinds)) + 1), len(kinds))
         runs = [slice(first, last) for first, last in zip(edges[:-1], edges[1:], strict=True)]
         jobs = [piece for alike in runs for piece in
-                _pieces([alike], *(max(1, rays // int(count[alike.start])) for rays in (CHUNK_RAYS, part)))]
+                _pieces([alike], *(max(1, rays // int(count[alike.start])) for rays in (CHUNK_RAYS, least)))]
         return ShadowSums.concatenate(run.map(work, jobs))
 
     def _rays(self, lamp: Int, places: Footprints, rows: Int, start: int, count: int, asked: int,
