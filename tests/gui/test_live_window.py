@@ -54,7 +54,7 @@ def seen(linux_zip: Path, tmp_path_factory: pytest.TempPathFactory, real_blender
     scene = folder / "box.blend"
     blender(installed(folder, linux_zip), "-b", "--factory-startup", "--python-exit-code", "3",
             "--python", ROOT / "examples" / "cornell_box.py", "--", scene)
-    found, code = watch(folder, scene, {"settings": {"preset": "high", "resolution": 256}})
+    found, code = watch(folder, scene, {"settings": {"preset": "high", "resolution": 512}})
     assert code == 0
     return found
 
@@ -77,10 +77,10 @@ def test_esc_ends_the_work_within_a_second_and_leaves_the_file_as_it_was(seen: d
 
 
 def test_good_enough_keeps_the_draft_in_one_undo_step(seen: dict[str, Any]) -> None:
-    # The first draft has half of the 256 pixels, the finer one, which may be there before the button is pressed, all.
+    # The first draft has half of the 512 pixels, the finer one, which may be there before the button is pressed, all.
     # Exact answer: those of the draft that was shown last; the report has its own estimate and the user's wish; the
     # file differs until one undo.
-    side = {"error 0.3": 128, "error 0.06": 256}[seen["kept"]]
+    side = {"error 0.3": 256, "error 0.06": 512}[seen["kept"]]
     report = seen["report"]
     assert report["good_enough"] is True
     assert {tuple(output["resolution"]) for output in report["outputs"]} == {(side, side)}
