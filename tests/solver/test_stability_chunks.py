@@ -59,7 +59,7 @@ def _rays_for_an_error(shape):
 
 
 def test_an_empty_room_is_markedly_cheaper_than_a_cluttered_one():
-    # The same room, and with 24 boxes on its floor, at the same texels a metre: less than half of the rays for an error.
+    # The same room, and with 24 boxes on its floor, at the same texels a metre: less than half of the rays.
     # (Of small images the first rays are so many that hardly any follow in either; the empty room then errs by less.)
     random = np.random.default_rng(2)
     empty = cluttered = box(LOW, HIGH, 0.6, (0, 1, 0, 0, 0, 0))
