@@ -8,21 +8,18 @@ that light comes through.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import partial
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from .cells import NOTHING
-from .parallel import slices
 
 if TYPE_CHECKING:
     from .transport import Transport
 
 Float = NDArray[np.floating[Any]]
-
-# Cells that are added up at once: eight figures of each.
-CHUNK = 2**16
 
 
 @dataclass(frozen=True, eq=False)
@@ -59,11 +56,7 @@ def patch_table(transport: Transport) -> PatchTable:
     spots, area = transport.met.spots, transport.met.own_area
     front, triangle = spots.front, spots.triangle
     total = np.bincount(patch, area, count)
-    sums = np.zeros((8, count))
-    for part in slices(len(patch), CHUNK):
-        for sum_of, values in zip(sums, _figures(transport, part), strict=True):
-            sum_of += np.bincount(patch[part], area[part] * values, count)
-    mean = (sums / np.maximum(total, 1e-30)).T
+    mean = (transport.sums_of_patches(8, partial(_figures, transport), area) / np.maximum(total, 1e-30)).T
     length = np.linalg.norm(mean[:, :3], axis=1, keepdims=True)
     normal = np.divide(mean[:, :3], length, out=np.zeros((count, 3)), where=length > 1e-6)
     row_sum, back, traced = np.zeros(count), np.zeros(count), np.zeros(count, bool)
@@ -75,9 +68,9 @@ def patch_table(transport: Transport) -> PatchTable:
     keep = np.flatnonzero(traced & (total > 0))
     middle = mean[keep, 3:6] + transport.geometry.scene.origin
     surface = _owners(transport, patch, triangle, area, count)[keep]
-    facing, size, surfaces, backs, out, kept = (
+    facing, size, sums, backs, out, kept = (
         np.asarray(values[keep], np.float32) for values in (normal, total, row_sum, back, mean[:, 6], mean[:, 7]))
-    return PatchTable(middle, facing, size, surface, surfaces, backs, out, kept)
+    return PatchTable(middle, facing, size, surface, sums, backs, out, kept)
 
 
 def _figures(transport: Transport, part: slice) -> list[Float]:

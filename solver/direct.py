@@ -74,7 +74,7 @@ class _Batch:
     Parameters
     ----------
     rows : (m,) which these are.
-    part : their places in the order of `place`.
+    first : the place of the first; the others follow in order.
     neighbours : (n, 8) of all receivers, -1 for none; those outside of the batch are not asked.
     place : (n,) the place of each; None if these are all, in their own order.
 
@@ -84,13 +84,13 @@ class _Batch:
         threads busy.
     """
 
-    def __init__(self, rows: Int, part: slice, neighbours: Int | None, place: Int | None = None) -> None:
-        self._rows, self._first, self._place = rows, part.start, place
+    def __init__(self, rows: Int, first: int, neighbours: Int | None, place: Int | None = None) -> None:
+        self._rows, self._first, self._place = rows, first, place
         self.least = LEAST_RAYS if place is None else CHUNK_RAYS
         self.neighbours = neighbours
         if neighbours is not None and place is not None:
             around = neighbours[rows]
-            own = place[around] - part.start
+            own = self.place(around)
             self.neighbours = np.where((around >= 0) & (own >= 0) & (own < len(rows)), own, -1)
 
     def __len__(self) -> int:
@@ -160,7 +160,7 @@ class DirectLight:
         wish = Wish(tolerance, pilot, small_share, CLOSED_SAMPLES if self._chooser is None else closed)
         chooser = self._chooser
         if chooser is None:
-            together = _Batch(np.arange(len(places)), slice(0, len(places)), neighbours)
+            together = _Batch(np.arange(len(places)), 0, neighbours)
             for lamp in range(len(self.lights)):
                 looks = everybody(self._reach.rows(lamp, places), lamp, wish)
                 together.add(total, varied, self._light(looks, together, places, wish, run))
@@ -174,7 +174,7 @@ class DirectLight:
 
         def work(part: slice) -> None:
             some = blocks.take(part)
-            batch = _Batch(some.rows, slice(some.begin[0], some.begin[-1]), neighbours, place)
+            batch = _Batch(some.rows, int(some.begin[0]), neighbours, place)
             looks = chooser.looks(some, single, shown[within[part]], places, wish)
             batch.add(total, varied, self._light(looks, batch, places, wish, run))
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -18,7 +19,7 @@ from .transport import Transport
 Float = NDArray[np.floating[Any]]
 Int = NDArray[np.integer[Any]]
 
-# Cells that are added up at once.
+# Cells whose opacity is asked for at once.
 CHUNK = 2**16
 
 # Places at which direct light is added up, and shadow rays from each to a lamp.
@@ -71,7 +72,7 @@ def energy_balance(transport: Transport, seed: int, run: Run) -> EnergyBalance:
         return np.asarray(np.bincount(patch[drawn], weight * (landing * part).mean(axis=1), count), np.float64)
 
     reflectance = met.reflectance[drawn]
-    emitted, reflected, kept = _of_patches(transport, area)
+    emitted, reflected, kept = transport.sums_of_patches(3, partial(_figures, transport), area)
     leaving = emitted + reflected + landed(reflectance)
     size = np.bincount(patch, area, count)
     sky, free = np.zeros(count), np.zeros(count)
@@ -83,17 +84,13 @@ def energy_balance(transport: Transport, seed: int, run: Run) -> EnergyBalance:
     return EnergyBalance(*part)
 
 
-def _of_patches(transport: Transport, area: Float) -> Float:
-    """(3, p) W of each patch, mean of the channels: what its cells emit, and what they reflect and absorb of the
-    patch's irradiance."""
-    met, patch, count = transport.met, transport.cell_patch, len(transport.patches)
-    found = np.zeros((3, count))
-    for part in slices(len(patch), CHUNK):
-        indirect = np.nan_to_num(np.take(transport.irradiance, patch[part], axis=0))
-        reflected = met.reflectance[part] * indirect
-        for sum_of, values in zip(found, (met.emission[part], reflected, indirect - reflected), strict=True):
-            sum_of += np.bincount(patch[part], area[part] * values.mean(axis=1), count)
-    return found
+def _figures(transport: Transport, part: slice) -> list[Float]:
+    """Of some cells, (m,) each, W/m2, mean of the channels: what they emit, and what they reflect and absorb of their
+    patches' irradiance."""
+    met = transport.met
+    indirect = np.nan_to_num(np.take(transport.irradiance, transport.cell_patch[part], axis=0))
+    reflected = met.reflectance[part] * indirect
+    return [values.mean(axis=1) for values in (met.emission[part], reflected, indirect - reflected)]
 
 
 def _drawn(share: Float, seed: int) -> tuple[Int, Float]:

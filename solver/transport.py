@@ -38,6 +38,8 @@ Int = NDArray[np.integer[Any]]
 CHUNK_RAYS = 2**17
 # Fewer rays than this are not worth a thread.
 LEAST_RAYS = 2**13
+# Cells whose figures are added up at once.
+SUMMED_CELLS = 2**16
 # Generations of patches that see patches that see ... before what is newly met is left to an average.
 MOST_WAVES = 8
 # A cell's light is asked for anew where this many rays meet it for each point at which it was.
@@ -148,6 +150,15 @@ class Transport:
             square = np.maximum(square, np.bincount(self.cell_patch, deviation, count) / number)
         own = np.bincount(self.cell_patch, self.met.area, count) / number
         return np.asarray(np.minimum(np.sqrt(12 * square + own), self.patches.size()), np.float32)
+
+    def sums_of_patches(self, kinds: int, figures: Callable[[slice], Sequence[Float]], area: Float) -> Float:
+        """(kinds, patches) float64: what figures of the cells, times their `area` (cells,), add up to; `figures` gives
+        (m,) of each kind for a part of the cells, for all at once would take much memory."""
+        sums = np.zeros((kinds, len(self.patches)))
+        for part in slices(len(self.cell_patch), SUMMED_CELLS):
+            for kind, values in enumerate(figures(part)):
+                sums[kind] += np.bincount(self.cell_patch[part], area[part] * values, len(self.patches))
+        return sums
 
     # --- rays ----------------------------------------------------------------------------------------------------
     def trace(self, origins: Float, directions: Float, behind: NDArray[np.bool_] | None = None) -> Met:
