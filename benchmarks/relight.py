@@ -124,7 +124,7 @@ def inner_pixels(blend: Path, folder: Path) -> tuple[Mask, Mask]:
     from radiosity.radiosity_addon.export import export_surfaces
     from radiosity.solver.layout import Layout
     from radiosity.solver.lumels import lumels
-    from radiosity.solver.neighbours import Neighbours
+    from radiosity.solver.neighbours import LumelNeighbours
     from radiosity.solver.receivers import Page
 
     radiosity_addon.register()
@@ -144,7 +144,7 @@ def inner_pixels(blend: Path, folder: Path) -> tuple[Mask, Mask]:
     place = first[found.page] + found.pixel
     covered, inner = np.zeros(sizes.sum(), bool), np.zeros(sizes.sum(), bool)
     covered[place] = True
-    inner[place] = (Neighbours(found).at(1) >= 0).all(axis=1)
+    inner[place] = (LumelNeighbours(found).at(1) >= 0).all(axis=1)
     return covered, inner
 
 

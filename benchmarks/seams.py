@@ -33,7 +33,7 @@ import numpy as np
 from numpy.typing import NDArray
 from radiosity.solver import seams
 from radiosity.solver.finish import to_images
-from radiosity.solver.neighbours import Neighbours
+from radiosity.solver.neighbours import LumelNeighbours
 from radiosity.solver.receivers import Lumels
 from radiosity.solver.scene import Scene
 from radiosity.solver.seam_samples import SMOOTH_COSINE, seam_samples
@@ -116,7 +116,7 @@ def steps(lumels: Lumels, images: list[Float], taps: seams.Taps, as_far: float) 
     flat = np.concatenate([image.reshape(-1, 3) for image in images]).astype(np.float64)
     shown = (flat[taps.texel] * taps.weight[:, :, :, None]).sum(axis=2)
     value, position, normal = flat[seams.texel_of(lumels)], lumels.receivers.position, lumels.receivers.normal
-    near = Neighbours(lumels)
+    near = LumelNeighbours(lumels)
     beside, own_chart = near.at(1)[:, SIDEWAYS], near.in_chart(1)[:, SIDEWAYS]
     lumel, side = np.nonzero(own_chart >= 0)
     usual = np.abs(value[lumel] - value[own_chart[lumel, side]]).mean()

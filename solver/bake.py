@@ -40,7 +40,7 @@ from .groups import LightGroup
 from .importance import Importance, look_around
 from .layout import Layout
 from .lumels import lumels as lay_out
-from .neighbours import Neighbours
+from .neighbours import LumelNeighbours, Neighbours
 from .parallel import Run
 from .patches import Patches
 from .path_keeper import PathKeeper, rays_kept
@@ -201,7 +201,7 @@ class _Work:
         total = np.bincount(transport.cell_patch, transport.cell_reflectance.mean(axis=1), count)
         return np.asarray(total / np.maximum(np.bincount(transport.cell_patch, minlength=count), 1))
 
-    def light(self, receivers: Receivers, near: Neighbours | None = None) -> tuple[Float, Float]:
+    def light(self, receivers: Receivers, near: Neighbours) -> tuple[Float, Float]:
         """Direct (with the sky's and gathered emitters') and indirect irradiance of receivers: (n, 3) each, W/m2."""
         places = ReceiverFootprints(self.geometry, receivers, self.settings.footprint, self.settings.seed)
         self.run.check()
@@ -275,12 +275,11 @@ class _Work:
               self.run.beside("energy", lambda run: patch_table(transport)) as table):
             yield lambda: (balance(), table())
 
-    def _truth(self, places: ReceiverFootprints, near: Neighbours | None, run: Run) -> Truth:
+    def _truth(self, places: ReceiverFootprints, near: Neighbours, run: Run) -> Truth:
         """Path trace receivers drawn at random; of lumels the inner ones, as against a renderer."""
         random = np.random.default_rng([AUDIT_SEED, self.settings.seed])
-        every = np.arange(len(places))
-        inner = every if near is None else np.flatnonzero((near.in_chart(1) >= 0).all(axis=1))
-        pool = inner if len(inner) else every
+        inner = np.flatnonzero(near.inner())
+        pool = inner if len(inner) else np.arange(len(places))
         rows = np.sort(random.choice(pool, min(len(pool), AUDIT_LUMELS), replace=False))
         auditor = Auditor(self.geometry, self.lights, self.sampled_emitter, AUDIT_SEED + self.settings.seed)
         return auditor.truth(places, rows, audit_paths(self.settings.error), run)
@@ -317,7 +316,7 @@ def bake(scene: Scene, settings: Settings, progress: Progress | None = None,
     with work.stages("lumels"):
         lumels = lay_out(scene, settings, work.warnings, work.run.step, layout)
         samples = seam_samples(lumels, scene, work.run.check, work.geometry.solid)
-        near = Neighbours(lumels, links(samples, lumels, scene))
+        near = LumelNeighbours(lumels, links(samples, lumels, scene))
         work.run.check()
     direct, bounced = work.light(lumels.receivers, near)
     with work.patch_figures() as figures:
@@ -345,8 +344,8 @@ def bake(scene: Scene, settings: Settings, progress: Progress | None = None,
 
 def _bake_vertices(work: _Work) -> Bake:
     with work.stages("lumels"):
-        receivers, fit = corner_receivers(work.scene, work.settings)
-    direct, bounced = work.light(receivers)
+        receivers, near, fit = corner_receivers(work.scene, work.settings, work.run)
+    direct, bounced = work.light(receivers, near)
     with work.patch_figures() as figures:
         with work.stages("finish"):
             albedo = work.geometry.reflectance(receivers.triangle, *receivers.barycentric.T)

@@ -20,7 +20,7 @@ from .kernels import kernels
 from .layout import Layout
 from .lumels import lumels as lay_out
 from .mixing import Layer, mix
-from .neighbours import Neighbours
+from .neighbours import LumelNeighbours, Neighbours
 from .parallel import Run
 from .quantities import encode
 from .receivers import Page, Receivers
@@ -130,7 +130,7 @@ def _add_to_lumels(bake: Bake, scene: Scene, settings: Settings, looks: Sequence
     pages = tuple(Page(page.name, page.pixels.shape[1], page.pixels.shape[0]) for page in bake.lightmaps)
     lumels = lay_out(scene, settings, [], run.step, Layout(pages, bake.page_of_surface, bake.uv))
     samples = seam_samples(lumels, scene)
-    near = Neighbours(lumels, links(samples, lumels, scene))
+    near = LumelNeighbours(lumels, links(samples, lumels, scene))
     change, noise = _smoothed(looks, lumels.receivers, near, run)
     for number, page in enumerate(bake.lightmaps):
         here = lumels.page == number
@@ -152,13 +152,13 @@ def _smoothed(looks: Sequence[Float], receivers: Receivers, near: Neighbours, ru
 
 def _add_to_corners(bake: Bake, scene: Scene, settings: Settings, looks: Sequence[Float],
                     run: Run) -> tuple[list[Float], float]:
-    """Colours of objects, likewise; corners' samples have no neighbours."""
-    _, fit = corner_receivers(scene, settings)
-    change = (looks[0] + looks[1]) / 2
+    """Colours of objects, likewise."""
+    receivers, near, fit = corner_receivers(scene, settings, run)
+    change, noise = _smoothed(looks, receivers, near, run)
     # A part of a whole that is above zero everywhere: the change itself may well be below.
     fitted = [part for part in fit(change, np.ones_like(change)) if part is not None]
     total = [np.maximum(before + part, 0) for before, part in zip(_lit(bake), fitted, strict=True)]
-    return total, _rms(looks[0] - looks[1]) / 2
+    return total, _rms(noise)
 
 
 def _rms(values: Float) -> float:

@@ -6,15 +6,18 @@ least squares over the surface does not (Kavan, Bargteil & Sloan, Least Squares 
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import Any, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
 from .components import components, shared_edges
+from .corner_samples import CornerSamples
 from .layout import flat_triangles, receiving, world_areas
 from .lumels import place
+from .mesh_walks import sample_neighbours
+from .neighbours import Neighbours
+from .parallel import Run
 from .pieces import weld
 from .receivers import Receivers
 from .scene import Scene
@@ -34,11 +37,6 @@ class Fit(Protocol):
 
 # Corners that meet share a colour if their normals turn by less: cosine of 30 degrees.
 CREASE_COSINE = float(np.cos(np.radians(30)))
-# Samples of the whole scene that are aimed at where no texel density is asked for; each triangle is cut into k x k
-# parts, k up to this many, with one sample in each.
-SAMPLES, MOST_CUTS = 1 << 18, 16
-# Up to this number of triangles each has four samples at least, which tell its three corners apart; above it one.
-MANY_TRIANGLES = 250_000
 # Weight of the bends between neighbouring triangles against the misfit: enough that a shadow's edge does not ring.
 SMOOTHNESS = 0.01
 # The fit ends at this residual, relative, or after so many steps: well below what a bake's own error leaves, and the
@@ -48,16 +46,13 @@ TOLERANCE, MOST_STEPS = 2e-4, 40
 CLIPPINGS = 4
 
 
-def corner_receivers(scene: Scene, settings: Settings, surfaces: list[int] | None = None) -> tuple[Receivers, Fit]:
+def corner_receivers(scene: Scene, settings: Settings, run: Run) -> tuple[Receivers, Neighbours, Fit]:
     """Where to sample the light for vertex colours, and what turns the samples into them.
-
-    Parameters
-    ----------
-    surfaces : indices of the objects; None for all that the settings name.
 
     Returns
     -------
     receivers : n of them, several in each triangle.
+    neighbours : which of them lie side by side.
     fit : from values (n, 3) at the receivers to one (count, 3, 3) float32 an object: triangle, corner, channel; None
         for an object that is not baked. No value is below zero.
 
@@ -66,52 +61,23 @@ def corner_receivers(scene: Scene, settings: Settings, surfaces: list[int] | Non
     NothingToBake
         If no object receives light.
     """
-    chosen = receiving(scene, settings) if surfaces is None else surfaces
+    chosen = receiving(scene, settings)
     triangle = np.concatenate([np.arange(len(scene.triangles))[scene.surfaces[index].triangles] for index in chosen])
     area = np.where(flat_triangles(scene), 0, world_areas(scene))[triangle]
-    sample = _samples(area, _cuts(area, settings))
-    own = triangle[sample.triangle]
-    position, normal = place(scene, own, sample.weight)
+    samples = CornerSamples.of(area, settings)
+    own = triangle[samples.triangle]
+    position, normal = place(scene, own, samples.weight)
     footprint = np.zeros((len(own), 2, 2), np.float32)
-    footprint[:, 0, 0] = footprint[:, 1, 1] = sample.side
+    footprint[:, 0, 0] = footprint[:, 1, 1] = samples.side
     receivers = Receivers(position.astype(np.float32), normal.astype(np.float32), own.astype(np.int32),
-                          sample.weight.astype(np.float32), footprint)
-    fitter = _Fitter(scene, chosen, triangle, area, sample)
-    return receivers, fitter.fit
+                          samples.weight.astype(np.float32), footprint)
+    fitter = _Fitter(scene, chosen, triangle, area, samples)
+    return receivers, sample_neighbours(_corners(scene, triangle), fitter.node, samples, run), fitter.fit
 
 
-@dataclass(frozen=True, eq=False)
-class _Samples:
-    """triangle (n,) index among the chosen ones, weight (n, 2) of corners 1 and 2, area (n,) m2, side (n,) of a square
-    in (u, v) with the part's area.
-    """
-
-    triangle: Int
-    weight: Float
-    area: Float
-    side: Float
-
-
-def _cuts(area: Float, settings: Settings) -> Int:
-    """(t,) k of the k x k parts of each triangle; 0 without area."""
-    density = settings.texel_density
-    part = 1 / density**2 if density else max(float(area.sum()) / SAMPLES, 1e-300)
-    least = 2 if len(area) <= MANY_TRIANGLES else 1
-    cuts: Int = np.where(area > 0, np.clip(np.ceil(np.sqrt(area / part)), least, MOST_CUTS), 0).astype(np.int64)
-    return cuts
-
-
-def _samples(area: Float, cuts: Int) -> _Samples:
-    """The middles of k x k equal parts of every triangle, a triangle's next to each other."""
-    triangle = np.repeat(np.arange(len(area)), cuts**2)
-    k = cuts[triangle]
-    number = np.arange(len(triangle)) - np.repeat(np.cumsum(cuts**2) - cuts**2, cuts**2)
-    # Part (i, j) of the square of k x k; the half beyond the diagonal is the parts that point the other way, mirrored.
-    i, j = number // np.maximum(k, 1), number % np.maximum(k, 1)
-    mirrored = i + j >= k
-    u, v = (i + 1 / 3) / np.maximum(k, 1), (j + 1 / 3) / np.maximum(k, 1)
-    u, v = np.where(mirrored, 1 - (i + 1 / 3) / k, u), np.where(mirrored, 1 - (j + 1 / 3) / k, v)
-    return _Samples(triangle, np.column_stack([u, v]), area[triangle] / k**2, np.sqrt(.5) / k)
+def _corners(scene: Scene, triangle: Int) -> Float:
+    """(t, 3, 3) metres about the scene's origin."""
+    return np.asarray(scene.vertices[scene.triangles[triangle]] - scene.origin)
 
 
 class _Fitter:
@@ -123,18 +89,18 @@ class _Fitter:
     by conjugate gradients, matrix-free: 3 x 3 sums a triangle, 6 coefficients an edge.
     """
 
-    def __init__(self, scene: Scene, chosen: list[int], triangle: Int, area: Float, sample: _Samples) -> None:
+    def __init__(self, scene: Scene, chosen: list[int], triangle: Int, area: Float, samples: CornerSamples) -> None:
         self.chosen, self.surface_count = chosen, len(scene.surfaces)
         self.counts = [scene.surfaces[index].count for index in chosen]
-        self.sample, self.triangles = sample, len(triangle)
-        self.basis = np.column_stack([1 - sample.weight.sum(axis=1), sample.weight])
+        self.samples, self.triangles = samples, len(triangle)
+        self.basis = np.column_stack([1 - samples.weight.sum(axis=1), samples.weight])
         place_of = _places(scene, chosen, triangle)
         self.node = _shared_corners(scene, chosen, triangle, place_of)
         self.nodes = int(self.node.max()) + 1
         pairs = [(a, b) for a in range(3) for b in range(3)]
         self.mass = np.stack([self._per_triangle(self.basis[:, a] * self.basis[:, b]) for a, b in pairs], axis=1)
         self.mass = self.mass.reshape(-1, 3, 3)
-        self.bend_node, self.bend = _bends(scene.vertices[scene.triangles[triangle]] - scene.origin, self.node, area)
+        self.bend_node, self.bend = _bends(_corners(scene, triangle), self.node, area)
         diagonal = np.bincount(self.node.ravel(), np.einsum("tcc->tc", self.mass).ravel(), self.nodes)
         diagonal += np.bincount(self.bend_node.ravel(), (self.bend**2).ravel(), self.nodes)
         self.colour_of = _nearest_lit(self.node, place_of, diagonal > 0)
@@ -208,7 +174,7 @@ class _Fitter:
         return np.stack([np.bincount(node.ravel(), values[..., k].ravel(), self.nodes) for k in range(3)], axis=1)
 
     def _per_triangle(self, values: Float) -> Float:
-        return np.asarray(np.bincount(self.sample.triangle, values * self.sample.area, self.triangles), np.float64)
+        return np.asarray(np.bincount(self.samples.triangle, values * self.samples.area, self.triangles), np.float64)
 
 
 def _places(scene: Scene, chosen: list[int], triangle: Int) -> Int:

@@ -7,7 +7,7 @@ import pytest
 from radiosity.solver.across import WAYS, links
 from radiosity.solver.kernels import kernels
 from radiosity.solver.lumels import lumels
-from radiosity.solver.neighbours import Neighbours
+from radiosity.solver.neighbours import LumelNeighbours
 from radiosity.solver.parallel import Run
 from radiosity.solver.seam_samples import seam_samples
 from radiosity.solver.smooth import smooth
@@ -19,7 +19,7 @@ TEXEL = 1 / (.4 * SIDE)
 
 def linked(scene):
     laid = lumels(scene, SETTINGS, [])
-    return laid, Neighbours(laid, links(seam_samples(laid, scene), laid, scene))
+    return laid, LumelNeighbours(laid, links(seam_samples(laid, scene), laid, scene))
 
 
 def test_what_follows_beyond_a_seam_lies_where_the_way_leads():
@@ -54,7 +54,7 @@ def test_ways_go_on_straight_beyond_a_seam(step):
 def test_neighbours_of_a_chart_of_its_own_stay():
     # Whatever had a neighbour in its chart keeps it; in_chart knows of no other.
     laid, near = linked(two_squares())
-    alone = Neighbours(laid)
+    alone = LumelNeighbours(laid)
     for step in (1, 2, 4):
         assert np.array_equal(near.in_chart(step), alone.at(step))
         inside = alone.at(step) >= 0
@@ -80,7 +80,7 @@ def test_smoothing_goes_on_beyond_a_seam():
     found, inside = near.at(1), near.in_chart(1)
     row, way = np.nonzero((found >= 0) & (inside < 0))
     steps = []
-    for neighbours in (Neighbours(laid), near):
+    for neighbours in (LumelNeighbours(laid), near):
         value = sum(smooth(*looks, kernels(receivers, neighbours, Run(1)), Run(1)))[:, 3] / 2
         steps.append(np.abs(value[found[row, way]] - value[row]).mean())
     assert steps[1] < steps[0] * 2 / 3

@@ -11,7 +11,7 @@ from radiosity.solver import Settings, bake
 from radiosity.solver.area_lamp import Area
 from radiosity.solver.audit import GROUPS, error_bar
 from radiosity.solver.lumels import lumels
-from radiosity.solver.neighbours import Neighbours
+from radiosity.solver.neighbours import LumelNeighbours
 from radiosity.solver.polygon import polygon_form_factor
 from radiosity.solver.scene import Surface
 from radiosity.solver.visible_part import visible_form_factor
@@ -56,7 +56,7 @@ def test_the_error_bar_holds_the_exact_error_in_45_of_50_bakes(build, density):
     laid = lumels(scene, settings, [])
     points, normals = (each.astype(float) for each in (laid.receivers.position, laid.receivers.normal))
     exact = exact_at(points + scene.origin, normals)
-    count = (exact > 0) & (Neighbours(laid).at(1) >= 0).all(axis=1)
+    count = (exact > 0) & (LumelNeighbours(laid).at(1) >= 0).all(axis=1)
     assert count.sum() > 500
     held = biases = 0
     errors, bars = [], []

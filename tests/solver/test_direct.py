@@ -11,7 +11,7 @@ from radiosity.solver.geometry import Geometry
 from radiosity.solver.lamps import Point
 from radiosity.solver.lumels import lumels
 from radiosity.solver.mesh_emitter import MeshEmitter
-from radiosity.solver.neighbours import Neighbours
+from radiosity.solver.neighbours import LumelNeighbours
 from radiosity.solver.parallel import Run
 from radiosity.solver.polygon import polygon_form_factor
 from radiosity.solver.probes import probes
@@ -158,7 +158,7 @@ def test_lumels_right_beside_lamps_are_the_mean_of_all_their_light():
     exact = sum(polygon_form_factor(points + scene.origin, normals, corners + shift) for shift in shifts)
     exact = exact.reshape(len(found), -1).mean(axis=1)
     direct = DirectLight(geometry, tuple(lamp.translated(-scene.origin) for lamp in lamps), 0)
-    light = direct.irradiance(places, Run(2), 0.004 * exact.mean(), neighbours=Neighbours(found).at(1))[:, 0]
+    light = direct.irradiance(places, Run(2), 0.004 * exact.mean(), neighbours=LumelNeighbours(found).at(1))[:, 0]
     place = found.receivers.position + scene.origin
     apart = np.abs(place[:, 0] - place[:, 1]) > 0.1
     assert exact.max() > 50 * exact.mean()

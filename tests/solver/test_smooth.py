@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from radiosity.solver.kernels import kernels
-from radiosity.solver.neighbours import Neighbours
+from radiosity.solver.neighbours import LumelNeighbours
 from radiosity.solver.parallel import Run
 from radiosity.solver.remaining import remaining, remaining_after
 from radiosity.solver.smooth import smooth
@@ -35,7 +35,7 @@ def _looks(truth, noise=NOISE, seed=1):
 
 
 def _smoothed(truth, receivers, flat, noise=NOISE, seed=1):
-    first, second = smooth(*_looks(truth, noise, seed), kernels(receivers, Neighbours(flat), Run(1)), Run(1))
+    first, second = smooth(*_looks(truth, noise, seed), kernels(receivers, LumelNeighbours(flat), Run(1)), Run(1))
     return first[:, 3], second[:, 3]
 
 
@@ -77,7 +77,7 @@ def test_no_light_goes_round_a_corner():
     changed_first[right] *= 2
     changed_second[right] *= 2
     run = Run(1)
-    near = kernels(receivers, Neighbours(flat), run)
+    near = kernels(receivers, LumelNeighbours(flat), run)
     before = smooth(first, second, near, run)
     after = smooth(changed_first, changed_second, near, run)
     # Only the noise's level, pooled from the eight beside and theirs, reaches across: three texels by the first step.
@@ -101,7 +101,8 @@ def test_threads_change_no_bit():
     # One thread and three.
     flat, receivers = _plane()
     first, second = _looks(np.ones(SIDE**2))
-    one, three = (smooth(first, second, kernels(receivers, Neighbours(flat), run), run) for run in (Run(1), Run(3)))
+    near = LumelNeighbours(flat)
+    one, three = (smooth(first, second, kernels(receivers, near, run), run) for run in (Run(1), Run(3)))
     assert np.array_equal(one[0], three[0])
     assert np.array_equal(one[1], three[1])
 
@@ -121,8 +122,8 @@ def test_what_remains_is_the_noise_where_light_is_even():
     # Truth 1, noise .1 a look: what remains lies between the error of the filtered mean and that of the mean itself.
     flat, receivers = _plane()
     first, second = _looks(np.ones(SIDE**2))
-    filtered = sum(smooth(first, second, kernels(receivers, Neighbours(flat), Run(1)), Run(1)))[:, 3] / 2
-    left = remaining(first, second, kernels(receivers, Neighbours(flat), Run(1)), Run(1)).mean()
+    filtered = sum(smooth(first, second, kernels(receivers, LumelNeighbours(flat), Run(1)), Run(1)))[:, 3] / 2
+    left = remaining(first, second, kernels(receivers, LumelNeighbours(flat), Run(1)), Run(1)).mean()
     assert np.mean((filtered - 1) ** 2) < left < NOISE**2 / 2 / 4
 
 
@@ -132,7 +133,7 @@ def test_what_remains_tells_of_blur_that_two_filtered_looks_share():
     flat, receivers = _plane()
     x, y = np.arange(SIDE**2) % SIDE, np.arange(SIDE**2) // SIDE
     first, second = _looks(1 + 0.2 * ((x + y) % 2))
-    left = remaining(first, second, kernels(receivers, Neighbours(flat), Run(1)), Run(1)).mean()
+    left = remaining(first, second, kernels(receivers, LumelNeighbours(flat), Run(1)), Run(1)).mean()
     assert left == pytest.approx(NOISE**2 / 2, rel=0.2)
 
 
@@ -140,7 +141,7 @@ def test_what_remains_tells_of_blur_that_two_filtered_looks_share():
 def test_what_remains_after_some_receivers_changed_is_what_remains_of_all(changed):
     # Exact answer: all worked out anew, within rounding. 16 texels off one that changed nothing is touched.
     flat, receivers = _plane()
-    near = kernels(receivers, Neighbours(flat), Run(1))
+    near = kernels(receivers, LumelNeighbours(flat), Run(1))
     first, second = _looks(np.ones(SIDE**2))
     before = remaining(first, second, near, Run(1))
     changed = np.asarray(changed, np.int64)
@@ -174,8 +175,8 @@ def test_rare_light_that_both_looks_see_at_one_texel_alone_is_shared():
     flat, receivers = _plane()
     middle = SIDE**2 // 2 + SIDE // 2
     first, second = _rare(both=[middle])
-    plain = sum(smooth(first, second, kernels(receivers, Neighbours(flat), Run(1)), Run(1)))[:, 3] / 2
-    rare = sum(smooth(first, second, kernels(receivers, Neighbours(flat), Run(1)), Run(1), rare=True))[:, 3] / 2
+    plain = sum(smooth(first, second, kernels(receivers, LumelNeighbours(flat), Run(1)), Run(1)))[:, 3] / 2
+    rare = sum(smooth(first, second, kernels(receivers, LumelNeighbours(flat), Run(1)), Run(1), rare=True))[:, 3] / 2
     assert plain[middle] > 0.5
     assert rare[middle] < 0.3
     assert rare.mean() == pytest.approx(sum(_rare(both=[middle]))[:, 3].mean() / 2, rel=0.2)
@@ -186,7 +187,7 @@ def test_rare_light_keeps_an_edge_that_is_wider_than_a_texel():
     flat, receivers = _plane()
     right = np.arange(SIDE**2) % SIDE >= SIDE // 2
     first, second = _rare(both=np.flatnonzero(right))
-    value = sum(smooth(first, second, kernels(receivers, Neighbours(flat), Run(1)), Run(1), rare=True))[:, 3] / 2
+    value = sum(smooth(first, second, kernels(receivers, LumelNeighbours(flat), Run(1)), Run(1), rare=True))[:, 3] / 2
     far = np.abs(np.arange(SIDE**2) % SIDE - SIDE // 2 + 0.5) > 1
     assert value[right & far].min() > 0.9
     assert value[~right & far].max() < 0.25

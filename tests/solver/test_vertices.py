@@ -1,6 +1,7 @@
 """Vertex colours: the fit to the light inside the triangles."""
 
 import numpy as np
+from radiosity.solver.parallel import Run
 from radiosity.solver.scene import Scene, Surface
 from radiosity.solver.settings import Settings
 from radiosity.solver.vertices import corner_receivers
@@ -19,7 +20,7 @@ def grid(n, height=lambda x, y: 0 * x):
 
 def fitted(scene, light):
     """Corner colours of a light given as a function of the position."""
-    receivers, fit = corner_receivers(scene, VERTEX)
+    receivers, _, fit = corner_receivers(scene, VERTEX, Run())
     return fit(light(receivers.position + scene.origin))
 
 
@@ -35,7 +36,7 @@ def test_light_that_is_linear_is_reproduced():
 def test_samples_cover_every_triangle_by_its_area():
     # 8 triangles: parts of equal size tile each one, so the mean of the samples is the middle of the triangle.
     scene = Scene(*grid(2))
-    receivers, _ = corner_receivers(scene, VERTEX)
+    receivers, *_ = corner_receivers(scene, VERTEX, Run())
     for triangle in range(8):
         weight = receivers.barycentric[receivers.triangle == triangle]
         assert np.allclose(weight.mean(axis=0), 1 / 3, atol=1e-6)
@@ -49,7 +50,7 @@ def test_the_fit_beats_colours_sampled_at_the_corners():
     # colours from zero can have (Lawson & Hanson's NNLS), below that of point samples, and so is the error of the mean.
     scene = Scene(*grid(4))
     pool = lambda p: np.repeat(np.exp(-((p[:, :2] - (.37, .62)) ** 2).sum(axis=1) / .01)[:, None], 3, axis=1)  # noqa: E731
-    receivers, fit = corner_receivers(scene, VERTEX)
+    receivers, _, fit = corner_receivers(scene, VERTEX, Run())
     truth = pool(receivers.position + scene.origin)
     basis = np.column_stack([1 - receivers.barycentric.sum(axis=1), receivers.barycentric])
     shown = lambda corners: np.einsum("nc,nck->nk", basis, corners[receivers.triangle])  # noqa: E731
