@@ -21,14 +21,15 @@ from numpy.typing import NDArray
 
 from .geometry import Geometry
 from .growing import Growing
+from .paged import Paged
 
 Float = NDArray[np.floating[Any]]
 Int = NDArray[np.integer[Any]]
 
-# Most sides of cells, whether met or not: the map from cell to row is untouched memory until one is met (4 bytes).
-MAX_SIDES = 2**26
+# Most sides of cells, whether met or not: the number of a pair of sides fits 31 bits.
+MAX_SIDES = 2**32 - 2
 # Finest grid along one side of a triangle.
-MAX_DIVISIONS = 2**14
+MAX_DIVISIONS = 2**15
 # By how much the most cells of a triangle are lowered at once, until all are few enough.
 FEWER = 1.25
 NOTHING = -1
@@ -63,18 +64,18 @@ class Cells:
         self._share_of_cell = np.asarray(1 / count, np.float32)
         # What a hit's cell follows from: its column and line are products of (u, v, 1) with a row of `_axes`.
         self._axes = _AXES[self._first] * np.repeat(self.divisions, 4, axis=1).astype(np.float32)
-        self._grid = np.stack([self._base, self.divisions[:, 0] - 1, self.divisions[:, 1], self.divisions[:, 1] - 1],
-                              axis=1).astype(np.int32)
+        columns = [self._base >> 1, self.divisions[:, 0] - 1, self.divisions[:, 1], self.divisions[:, 1] - 1]
+        self._grid = np.stack(columns, axis=1).astype(np.int32)
         # Sides from here on are those of held cells: HELD pairs for each pair before.
         self._first_held = int(count.sum()) * 2
-        # 0: not met; else row + 1. The last entry stands for NOTHING.
-        self._row_of = np.zeros(self._first_held + 1, np.int32)
+        # 0: not met; else row + 1.
+        self._row_of = Paged(self._first_held)
         self._side = Growing((), np.int64)
         # For each row + 1, whether it is divided; and how many are.
         self._divided, self._divisions_made = Growing((), np.bool_), 0
         self._divided.append(np.zeros(1, np.bool_))
         # For each side 0 or the line of what it holds; in each line, for each held cell, 0 or row + 1.
-        self._line_of = np.zeros(self._first_held, np.int32)
+        self._line_of = Paged(self._first_held)
         self._row_of_held = Growing((HELD,), np.int32)
         self._row_of_held.append(np.zeros((1, HELD), np.int32))
 
@@ -97,17 +98,20 @@ class Cells:
         x = axes[:, 0] * u + axes[:, 1] * v + axes[:, 2]
         y = axes[:, 4] * u + axes[:, 5] * v + axes[:, 6]
         i, j = np.minimum(x.astype(np.int32), grid[:, 1]), np.minimum(y.astype(np.int32), grid[:, 3])
-        side = np.where(triangle >= 0, grid[:, 0] + 2 * (i * grid[:, 2] + j) + front, np.int32(NOTHING))
+        side = (grid[:, 0] + i * grid[:, 2] + j).astype(np.int64)
+        side <<= 1
+        side += front
+        side[triangle < 0] = NOTHING
         if behind is not None:
             rows = np.flatnonzero(behind & (triangle >= 0))
             side[rows] = self._held(side[rows], FROM_BEHIND)
         if self._divisions_made:
-            divided = np.take(self._divided.values, np.take(self._row_of, side, mode="clip"))
+            divided = np.take(self._divided.values, self._row_of.take(side))
             rows = np.flatnonzero(divided & (side >= 0) & (side < self._first_held))
             inside = [np.clip((place[rows] - whole[rows]) * FINER, 0, FINER - 1).astype(np.int32)
                       for place, whole in ((x, i), (y, j))]
             side[rows] = self._held(side[rows], inside[0] * FINER + inside[1])
-        return side.astype(np.int64)
+        return np.asarray(side)
 
     def _held(self, side: Int, number: Int | int) -> Int:
         """The side of a held cell, by its number in the cell that holds it."""
@@ -126,11 +130,11 @@ class Cells:
         first = len(self)
         new = np.arange(first + 1, first + 1 + len(fresh), dtype=np.int32)
         whole = int(np.searchsorted(fresh, self._first_held))
-        self._row_of[fresh[:whole]] = new[:whole]
+        self._row_of.put(fresh[:whole], new[:whole])
         if whole < len(fresh):
             holding, number = self._holding(fresh[whole:])
-            self._hold(np.unique(holding[self._line_of[holding] == 0]))
-            self._row_of_held.values[self._line_of[holding], number] = new[whole:]
+            self._hold(np.unique(holding[self._line_of.take(holding) == 0]))
+            self._row_of_held.values[self._line_of.take(holding), number] = new[whole:]
         self._side.append(fresh)
         self._divided.append(np.zeros(len(fresh), np.bool_))
         return slice(first, len(self))
@@ -138,7 +142,7 @@ class Cells:
     def _hold(self, sides: NDArray[np.int64]) -> None:
         """Give sides that hold nothing yet a line for what they will hold."""
         first = len(self._row_of_held)
-        self._line_of[sides] = np.arange(first, first + len(sides), dtype=np.int32)
+        self._line_of.put(sides, np.arange(first, first + len(sides)))
         self._row_of_held.append(np.zeros((len(sides), HELD), np.int32))
 
     def divide(self, rows: Int) -> None:
@@ -166,10 +170,10 @@ class Cells:
 
     def _number(self, sides: NDArray[np.int64]) -> NDArray[np.int32]:
         """0 where a side has no row, else row + 1."""
-        number = np.take(self._row_of, sides, mode="clip")
+        number = self._row_of.take(sides)
         held = np.flatnonzero(sides >= self._first_held)
         holding, place = self._holding(sides[held])
-        number[held] = self._row_of_held.values[self._line_of[holding], place]
+        number[held] = self._row_of_held.values[self._line_of.take(holding), place]
         number[sides < 0] = 0
         return number
 

@@ -99,7 +99,6 @@ class _Rays:
     """The rays of a piece of a look, while they are followed."""
 
     look: Look  # some receivers
-    sides: NDArray[np.int64]  # (n * rays,) of cells, of the first hits
     fresh: Seen  # where the last hits met cells that have no row yet
     sky: Float  # (2, n, 3) mean irradiance, without peaks and these alone
     lit: NDArray[np.bool_] | None  # (n * rays,) whether light can arrive at the ray's start; None: everywhere
@@ -107,7 +106,8 @@ class _Rays:
     met: Met  # what they met last,
     carried: Float  # and the reflectance so far, (going, 3)
     value: Float  # (n * rays, 4) radiosity brought so far
-    cell: Int = field(default_factory=lambda: np.empty(0, np.int32))  # rows of the cells that they met last
+    cell: Int = field(default_factory=lambda: np.empty(0, np.int32))  # rows of the cells that they met last,
+    first: Int = field(default_factory=lambda: np.empty(0, np.int32))  # and (n * rays,) of those that they met first
     high: Int = field(default_factory=lambda: np.empty(0, np.int64))  # which rays have a peak in the end,
     over: Float = field(default_factory=lambda: np.empty(0, np.float32))  # and which part of what they bring it is
     trail: list[Leg] = field(default_factory=list)  # where it came from, if somebody asks for it
@@ -129,7 +129,7 @@ class Gather:
         """Let rays find cells; return the cells' rows, NOTHING for the sky."""
         pieces = run.map(partial(self._trace, fans), look.pieces())
         self.transport.meet([piece.fresh for piece in pieces])
-        return self.transport.cells.rows(np.concatenate([piece.sides for piece in pieces]))
+        return np.concatenate([piece.met.rows(self.transport.cells) for piece in pieces])
 
     def light(self, fans: Fans, looks: Sequence[Look], run: Run) -> list[Float]:
         """What each look finds: (n, 2, 6 + 3 g) float32, W/m2. Irradiance from sky and gathered emitters, and from
@@ -165,9 +165,9 @@ class Gather:
     def _trace(self, fans: Fans, look: Look) -> _Rays:
         origins, directions, lit = fans.rays(look.rows, look.count, look.seed, look.start)
         met = self.transport.trace(origins, directions)
-        fresh = met.fresh(self.transport.cells)
+        fresh = met.fresh()
         nothing = np.empty((0, 4), np.float32)
-        return _Rays(look, met.sides, fresh, self._mean_sky(met, look, lit), lit, np.arange(len(met.sides)), met,
+        return _Rays(look, fresh, self._mean_sky(met, look, lit), lit, np.arange(len(met.sides)), met,
                      nothing, nothing)
 
     def _mean_sky(self, met: Met, look: Look, lit: NDArray[np.bool_] | None) -> Float:
@@ -194,7 +194,7 @@ class Gather:
         if emission is None:
             parts = [rays.sky, total, *apart]
         else:
-            seen = np.take(emission, self.transport.cells.rows(rays.sides), axis=0)
+            seen = np.take(emission, rays.first, axis=0)
             emitted = self._mean(seen, rays)
             parts = [rays.sky + emitted, total - emitted, *apart]
         return np.asarray(np.concatenate(parts, axis=2).transpose(1, 0, 2))
@@ -217,7 +217,7 @@ class Gather:
             return first + self._brought(rays, group)
         emitted = np.zeros_like(first)
         if emission is not None:
-            emitted = self._mean(np.take(emission, self.transport.cells.rows(rays.sides), axis=0), rays)
+            emitted = self._mean(np.take(emission, rays.first, axis=0), rays)
         return first + emitted if split.passes == "direct" else self._brought(rays, group) - emitted
 
     def _brought(self, rays: _Rays, group: int) -> Float:
@@ -259,7 +259,7 @@ class _Step:
         brought[near, :3] += (straight - np.take(brought, near, axis=0)[:, :3]) * factor
         going, carried = (None, None) if self._bounce == 0 else (rays.going, rays.carried)
         if self._bounce == 0:
-            rays.value, rays.carried = brought, reflectance * factor
+            rays.first, rays.value, rays.carried = cell, brought, reflectance * factor
         else:
             rays.value[rays.going, :3] += rays.carried * brought[:, :3]
             rays.carried = np.take(rays.carried, near, axis=0) * reflectance * factor
@@ -299,7 +299,7 @@ class _Step:
         u, v = shifts(self._identity(rays, rays.going), 2, rays.look.seed + 5 + self._bounce).T
         directions = cosine_directions(normal, u[:, None], v[:, None])[:, 0]
         rays.met = self._transport.trace(start, directions, ~front)
-        rays.fresh = rays.met.fresh(self._transport.cells)
+        rays.fresh = rays.met.fresh()
         missed = rays.met.missed
         rays.value[rays.going[missed], :3] += rays.carried[missed] * rays.met.sky
 

@@ -18,17 +18,32 @@ Int = NDArray[np.integer[Any]]
 
 @dataclass(frozen=True, eq=False)
 class Met:
-    """What rays met: sides of cells (n,), NOTHING for the sky; the rays that met the sky (m,), and the irradiance that
-    each of those stands for (m, 3) W/m2 (none under a black sky)."""
+    """What rays met: sides of cells (n,), NOTHING for the sky, and the rows that these had then (n,), NOTHING for none;
+    the rays that met the sky (m,), and the irradiance that each of those stands for (m, 3) W/m2 (none under a black
+    sky)."""
 
     hits: Hits
     sides: NDArray[np.int64]
+    known: NDArray[np.int32]
     missed: Int
     sky: Float
 
-    def fresh(self, cells: Cells) -> Seen:
-        """Where cells that have no row yet were met: a few points of each."""
-        return self.at(np.flatnonzero(cells.are_new(self.sides)))
+    def fresh(self) -> Seen:
+        """Where cells that had no row were met: a few points of each."""
+        return self.at(self._unknown())
+
+    def rows(self, cells: Cells) -> NDArray[np.int32]:
+        """The rows that the cells have by now."""
+        unknown = self._unknown()
+        if not len(unknown):
+            return self.known
+        rows = self.known.copy()
+        rows[unknown] = cells.rows(self.sides[unknown])
+        return rows
+
+    def _unknown(self) -> Int:
+        without = np.flatnonzero(self.known == NOTHING)
+        return np.asarray(without[self.sides[without] != NOTHING])
 
     def at(self, rays: Int) -> Seen:
         """Where some of the rays met cells: a few points of each."""
@@ -40,4 +55,5 @@ class Met:
         if not below.any():
             return self
         kept = ~below[self.missed]
-        return Met(self.hits, np.where(below, NOTHING, self.sides), self.missed[kept], self.sky[kept])
+        sides, known = (np.where(below, NOTHING, of_cells) for of_cells in (self.sides, self.known))
+        return Met(self.hits, sides, known, self.missed[kept], self.sky[kept])

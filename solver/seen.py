@@ -26,8 +26,8 @@ Int = NDArray[np.integer[Any]]
 CHUNK_POINTS, LEAST_POINTS = 2**15, 2**12
 # Points of a cell that are kept.
 PLACES = 4
-# Bits of a cell's side (of `cells.MAX_SIDES` and FINER^2 times as many) in a key to sort by; the others are random.
-SIDE_BITS = 31
+# Bits of a cell's side (of `cells.MAX_SIDES` and HELD times as many) in a key to sort by; the others are random.
+SIDE_BITS = 37
 
 
 @dataclass(frozen=True, eq=False)
@@ -55,7 +55,10 @@ class Seen:
         bits = (self.u.view(np.uint32).astype(np.uint64) << np.uint64(32)) | self.v.view(np.uint32)
         # One key is sorted much faster than two. Its random bits differ between points of a cell.
         cell = self.side.astype(np.uint64) << np.uint64(64 - SIDE_BITS)
-        order = np.argsort(cell | mixed(bits, 0, 0) >> np.uint64(SIDE_BITS))
+        key = cell | mixed(bits, 0, 0) >> np.uint64(SIDE_BITS)
+        order = np.argsort(key)
+        if (np.diff(key[order]) == 0).any():
+            order = np.lexsort((bits, key))
         side = self.side[order]
         first = np.flatnonzero(np.diff(side, prepend=-1))
         count = np.diff(first, append=len(side))

@@ -108,7 +108,7 @@ class Transport:
         A ray from afar may have met such a cell first, in a part of it that is hidden from those that meet it now.
         Return the rows of the cells that were met, NOTHING for the sky.
         """
-        rows = self.run.map(lambda met: self.cells.rows(met.sides), some)
+        rows = self.run.map(lambda met: met.rows(self.cells), some)
         every = np.concatenate(rows)
         hits = np.bincount(every[every >= 0], minlength=len(self.cells))
         few = (self.met.places < PLACES) & (hits >= AGAIN * self.met.places)
@@ -166,10 +166,12 @@ class Transport:
         hits = self.geometry.visibility.hits(origins, directions)
         self.run.count(len(origins))
         sides = self.cells.sides(hits.triangle, hits.u, hits.v, hits.front, behind)
+        known = self.cells.rows(sides)
         if self.geometry.scene.sky.is_black:
-            return Met(hits, sides, np.empty(0, np.int64), np.empty((0, 3), np.float32))
+            return Met(hits, sides, known, np.empty(0, np.int64), np.empty((0, 3), np.float32))
         missed = np.flatnonzero(sides == NOTHING)
-        return Met(hits, sides, missed, np.float32(np.pi) * skies.radiance(self.geometry.scene.sky, directions[missed]))
+        sky = np.float32(np.pi) * skies.radiance(self.geometry.scene.sky, directions[missed])
+        return Met(hits, sides, known, missed, sky)
 
     def table(self) -> Float:
         """(cells + 1, 4) float32: radiosity of every met side of a cell, B = E + rho H, and the width of its patch in
@@ -257,7 +259,7 @@ class Transport:
         sky[met.missed] = met.sky
         eighth = self.patches.part(points3, np.repeat(patches[part], rays))
         return (met.sides.reshape(-1, rays), sky.reshape(-1, rays, 3), eighth.reshape(-1, rays),
-                met.fresh(self.cells))
+                met.fresh())
 
     # --- solve ---------------------------------------------------------------------------------------------------
     def discover(self, rays: int) -> None:

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from radiosity.solver.cells import FINER, MAX_SIDES, NOTHING, Cells
 from radiosity.solver.geometry import Geometry
+from radiosity.solver.paged import Paged
 from radiosity.tests.solver.rooms import shape
 
 TRIANGLES = {
@@ -99,19 +100,48 @@ def test_a_triangle_smaller_than_the_size_is_one_cell_with_two_sides():
 
 
 def test_a_giant_plate_does_not_make_cells_coarser_elsewhere():
-    # A board of 1 m and a plate of 10 km, with far more cells of 1 mm than there can be: the board keeps its cells, the
-    # plate has what can be; of two such plates each has half of it.
+    # A board of 1 m and plates of 10 km, with far more cells of 1 mm than there can be: the board keeps its cells, the
+    # plates share what can be.
     board, plate = ([[0, 0, 1], [1, 0, 1], [0, 1, 1]], [[0, 0, 0], [1e4, 0, 0], [0, 1e4, 0]])
 
     def divisions(*corners):
         return Cells(Geometry(shape(corners).scene()), 0.001).divisions
 
     alone = divisions(board)
-    for plates in (1, 2):
+    for plates in (3, 6):
         found = divisions(board, *[plate] * plates)
         assert (found[0] == alone[0]).all()
         assert (found[1:] == found[1]).all()
         assert 0.7 * MAX_SIDES < 2 * found.prod(axis=1).sum() <= MAX_SIDES
+
+
+def test_a_floor_that_runs_to_the_horizon_has_cells_as_small_as_elsewhere():
+    # A plate of 200 m with cells of 1 cm, 400 million of them: two points 2 cm apart lie in different cells, and what
+    # is held in memory is a few pages.
+    plate = [[-100, -100, 0], [100, -100, 0], [-100, 100, 0]]
+    cells = _cells([plate], 0.01)
+    assert cells.divisions.tolist() == [[20000, 20000]]
+    weights = np.float32((np.array([[-50.0, -50.0], [-50.02, -50.0]]) + 100) / 200)
+    sides = cells.sides(np.zeros(2, int), *weights.T, np.ones(2, bool))
+    cells.meet(sides)
+    assert cells.rows(sides).tolist() == [1, 0]
+    assert cells.area(sides) == pytest.approx([1e-4] * 2, rel=1e-3)
+    _, u, v, _ = cells.places(sides, np.full(2, 0.5), np.full(2, 0.5))
+    assert np.abs(np.stack([u, v], axis=1) - weights).max() * 200 < 0.0101
+
+
+def test_pages_hold_what_was_put_and_zero_elsewhere():
+    # Against a plain array, with pages in part and whole, put in three turns, some anew.
+    random = np.random.default_rng(7)
+    plain, paged = np.zeros(10_000, np.int32), Paged(10_000)
+    for turn in range(3):
+        index = random.choice(10_000, 50 if turn else 3000, replace=False)
+        plain[index] = 10_000 * turn + np.arange(len(index))
+        paged.put(index, plain[index])
+        assert np.array_equal(paged.take(np.arange(10_000)), plain)
+    far = Paged(2**32)
+    far.put(np.array([2**32 - 1, 5]), np.array([3, 4]))
+    assert far.take(np.array([5, 2**32 - 1, 2**31, 6])).tolist() == [4, 3, 0, 0]
 
 
 def test_rows_are_given_once_and_in_the_order_of_meeting():

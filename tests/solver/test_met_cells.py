@@ -39,7 +39,7 @@ def test_a_cell_first_met_in_its_shadow_is_asked_again_where_many_rays_meet_it()
     board = quad((0.5, -0.1, 0), (0, 1.2, 0), (0, 0, 2.0), 0.0)
     transport = _transport(FLOOR + lamp + board)
     behind = _down_at(transport, np.array([0.7]), np.array([0.2]))
-    transport.meet([behind.fresh(transport.cells)])
+    transport.meet([behind.fresh()])
     assert not transport.met.incident[0].any()
     spots = np.random.default_rng(3).uniform((0.2, 0.0), (0.45, 0.2), (AGAIN, 2))
     before = _down_at(transport, *spots.T)
@@ -48,7 +48,7 @@ def test_a_cell_first_met_in_its_shadow_is_asked_again_where_many_rays_meet_it()
     assert not transport.met.incident[0].any()
     transport.look_again([before])
     own = _transport(FLOOR + lamp + board)
-    own.meet([before.fresh(own.cells)])
+    own.meet([_down_at(own, *spots.T).fresh()])
     assert transport.met.incident[0].min() > 0
     assert transport.met.incident[0] == pytest.approx(own.met.incident[0])
     assert transport.met.places[0] == 4
@@ -61,7 +61,7 @@ def test_a_cell_right_under_a_lamp_is_divided_and_one_far_off_is_not():
     transport = _transport(FLOOR + lamp)
     first = np.array([[0.9, 0.1], [0.3, 0.1], [0.1, 0.9], [0.15, 0.85]])
     transport.met.steep = 2.0
-    transport.meet([_down_at(transport, *first.T).fresh(transport.cells)])
+    transport.meet([_down_at(transport, *first.T).fresh()])
     assert len(transport.cells) == 2
     rays = np.random.default_rng(5).uniform(0.02, 0.98, (400, 2))
     lower = rays[:, 0] > rays[:, 1]
@@ -69,7 +69,7 @@ def test_a_cell_right_under_a_lamp_is_divided_and_one_far_off_is_not():
     assert (transport.cells.rows(met.sides)[~lower] == 1).all()
     assert (transport.cells.rows(met.sides)[lower] == NOTHING).all()
     assert len(np.unique(met.sides[lower])) == 10  # the other 6 of 16 lie beyond the triangle's third side
-    transport.meet([met.fresh(transport.cells)])
+    transport.meet([met.fresh()])
     light = transport.met.incident.mean(axis=1)
     under = transport.cells.rows(_down_at(transport, *first[:1].T).sides)
     assert light[2:].min() < 0.1 * light[0] < light[under]
@@ -87,7 +87,7 @@ def test_more_shadow_rays_tell_the_light_of_cells_in_a_penumbra_better():
     def light(samples):
         transport = _transport(floor + lamp + board, 0.05)
         transport.met.samples = samples
-        transport.meet([_down_at(transport, *spots.T).fresh(transport.cells)])
+        transport.meet([_down_at(transport, *spots.T).fresh()])
         return transport.met.incident.mean(axis=1)
 
     truth = light(1024)
