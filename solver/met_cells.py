@@ -135,14 +135,15 @@ class MetCells:
             self._divide(np.arange(new.start, new.stop), varied)
         return new
 
-    def renew(self, seen: Sequence[Seen]) -> None:
-        """Ask anew for the light of cells that have been met, at other points."""
+    def renew(self, seen: Sequence[Seen]) -> NDArray[np.int32]:
+        """Ask anew for the light of cells that have been met, at other points; return their rows."""
         places = SeenFootprints(self.geometry, self.cells, Seen.join(seen).few(), self._run)
         own = self.cells.rows(places.identity)
         rows, varied = self._asked(places)
         for table, values in zip(self._tables, rows, strict=True):
             table.values[own] = values
         self._divide(own, varied)
+        return own
 
     def _asked(self, places: SeenFootprints) -> tuple[tuple[NDArray[Any], ...], Float]:
         """A row of `_tables` for each cell, and by how much the lamps' light varies in it (n,) W/m2."""

@@ -36,10 +36,12 @@ class Run:
     rays: dict[str, int] = field(default_factory=dict)
     stage: str = ""
     _pool: ThreadPoolExecutor | None = field(default=None, init=False, repr=False, compare=False)
+    _counting: threading.Lock = field(default_factory=threading.Lock, init=False, repr=False, compare=False)
 
     def count(self, rays: int) -> None:
-        """Add rays to the current stage."""
-        self.rays[self.stage] = self.rays.get(self.stage, 0) + rays
+        """Add rays to the current stage; threads may do so at once."""
+        with self._counting:
+            self.rays[self.stage] = self.rays.get(self.stage, 0) + rays
 
     def check(self) -> None:
         """Raise Cancelled if the user wants to stop."""

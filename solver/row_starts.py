@@ -91,7 +91,8 @@ class RowStarts:
         row = place[cell_patch[order]]
         area = self._met.area[order].astype(np.float64)
         counts = AREA_RAYS * area / np.maximum(np.bincount(row, area, len(patches)), 1e-30)[row]
-        counts += self._of_all_cells(self.matters)[order]
+        early = np.flatnonzero(order < len(self.matters))
+        counts[early] += self.matters[order[early]]
         begins = np.searchsorted(row, np.arange(len(patches) + 1))
         return order, np.concatenate([[0.0], np.cumsum(counts)]), begins
 

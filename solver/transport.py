@@ -38,6 +38,8 @@ Int = NDArray[np.integer[Any]]
 CHUNK_RAYS = 2**17
 # Fewer rays than this are not worth a thread.
 LEAST_RAYS = 2**13
+# Cells whose light is worked out at once, and fewer than are worth a thread.
+CHUNK_CELLS, LEAST_CELLS = 2**16, 2**13
 # Cells whose figures are added up at once.
 SUMMED_CELLS = 2**16
 # Generations of patches that see patches that see ... before what is newly met is left to an average.
@@ -59,8 +61,10 @@ class Transport:
     keeper : takes down the ways of gather rays, if given.
     """
 
-    # What `_unsettle` forgets.
+    # What `_unsettle` forgets: cells up to `_settled` are in the tables; of these, those at `_stale` have to be worked
+    # out again.
     _settled: int
+    _stale: Int
     _table: Growing
     _tables: list[Growing]
     _extent: Float | None
@@ -114,9 +118,9 @@ class Transport:
         few = (self.met.places < PLACES) & (hits >= AGAIN * self.met.places)
         if few.any():
             few = np.append(few, False)  # the last entry is NOTHING's
-            self.met.renew(self.run.map(lambda job: job[0].at(np.flatnonzero(few[job[1]])),
-                                        list(zip(some, rows, strict=True))))
-            self._settled = 0
+            renewed = self.met.renew(self.run.map(lambda job: job[0].at(np.flatnonzero(few[job[1]])),
+                                                  list(zip(some, rows, strict=True))))
+            self._stale = np.concatenate([self._stale, renewed[renewed < self._settled]])
         return rows
 
     def meet_whole(self, sides: NDArray[np.int64]) -> None:
@@ -179,23 +183,33 @@ class Transport:
 
         Patches that were met after the last solve count as wide as their boxes.
         """
-        fresh = slice(self._settled, len(self.cells))
-        if fresh.start < fresh.stop or not len(self._table):
+        if self._settled < len(self.cells) or not len(self._table):
             if self._extent is None:
                 self._extent = self._extents()
             self._extent = np.concatenate([self._extent, self.patches.size()[len(self._extent):]])
-            patch = self.cell_patch[fresh]
-            irradiance = np.take(self.irradiance, patch, axis=0)
-            self._table.cut(fresh.start)
-            leaving = self.cell_direct[fresh] + self.cell_reflectance[fresh] * np.nan_to_num(irradiance)
-            self._table.append(padded(leaving, self._extent[patch]))
-            for group, table in enumerate(self._tables):
-                table.cut(fresh.start)
-                light = np.nan_to_num(self.apart[group, patch])
-                table.append(padded(self.met.direct_of(group)[fresh] + self.cell_reflectance[fresh] * light))
-            unsolved = np.flatnonzero(np.isnan(irradiance[:, 0]))
-            self._settled = fresh.start + int(unsolved[0]) if len(unsolved) else fresh.stop
+            # The row of nothing stays the last.
+            for table in (self._table, *self._tables):
+                table.cut(self._settled)
+                table.append(np.zeros((len(self.cells) + 1 - self._settled, 4), np.float32))
+        stale = np.concatenate([self._stale, np.arange(self._settled, len(self.cells))])
+        parts = [stale[part] for part in shares(len(stale), CHUNK_CELLS, LEAST_CELLS)]
+        self._stale = np.concatenate([np.empty(0, np.int64), *self.run.map(self._settle, parts)])
+        self._settled = len(self.cells)
         return self._table.values
+
+    def _settle(self, rows: Int) -> Int:
+        """Work out the tables' rows of some cells; return those whose patches have no light yet."""
+        patch = self.cell_patch[rows]
+        irradiance = np.take(self.irradiance, patch, axis=0)
+        assert self._extent is not None
+        reflectance = np.take(self.cell_reflectance, rows, axis=0)
+        direct = np.take(self.cell_direct, rows, axis=0)
+        self._table.values[rows, :3] = direct + reflectance * np.nan_to_num(irradiance)
+        self._table.values[rows, 3] = self._extent[patch]
+        for group, table in enumerate(self._tables):
+            direct = np.take(self.met.direct_of(group), rows, axis=0)
+            table.values[rows, :3] = direct + reflectance * np.nan_to_num(np.take(self.apart[group], patch, axis=0))
+        return np.asarray(rows[np.isnan(irradiance[:, 0])])
 
     def table_of(self, group: int) -> Float:
         """(cells + 1, 4) float32: what of it is a light group's, as of the last call of `table`."""
@@ -207,7 +221,7 @@ class Transport:
 
     def _unsettle(self) -> None:
         """Forget what was derived from the patches and their light."""
-        self._settled, self._table = 0, Growing((4,))
+        self._settled, self._stale, self._table = 0, np.empty(0, np.int64), Growing((4,))
         self._tables = [Growing((4,)) for _ in range(len(self.apart))]
         self._extent = None
 
