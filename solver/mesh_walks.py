@@ -53,9 +53,7 @@ class SampleNeighbours(Neighbours):
         return np.ones(len(self._beside), np.bool_)
 
     def _reached(self, step: int) -> NDArray[np.int32]:
-        if step == 1:
-            return self._beside.copy()
-        out = np.full_like(self._beside, -1)
+        out = np.empty_like(self._beside)
         rows = np.arange(len(out))
         for way in range(len(WAYS)):
             out[:, way] = hops(self._beside, self._onward, step, rows, np.full(len(out), way))

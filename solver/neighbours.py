@@ -84,7 +84,7 @@ class LumelNeighbours(Neighbours):
         links = self._links
         if links is None:
             return inside
-        beside = self.in_chart(1)
+        beside = inside.copy() if step == 1 else self.in_chart(1)
         onward = np.broadcast_to(np.arange(len(WAYS), dtype=np.int8), beside.shape).copy()
         beside[links.lumel, links.way], onward[links.lumel, links.way] = links.other, links.onward
         # Over seams, step by step, where the chart has nothing.

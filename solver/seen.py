@@ -57,9 +57,11 @@ class Seen:
         cell = self.side.astype(np.uint64) << np.uint64(64 - SIDE_BITS)
         key = cell | mixed(bits, 0, 0) >> np.uint64(SIDE_BITS)
         order = np.argsort(key)
-        if (np.diff(key[order]) == 0).any():
+        ordered = key[order]
+        if (ordered[1:] == ordered[:-1]).any():
+            # Where even these agree, the points decide, or it would be up to how the rays were cut.
             order = np.lexsort((bits, key))
-        side = self.side[order]
+        side = (ordered >> np.uint64(64 - SIDE_BITS)).astype(np.int64)
         first = np.flatnonzero(np.diff(side, prepend=-1))
         count = np.diff(first, append=len(side))
         kept = np.minimum(count, PLACES)

@@ -9,6 +9,7 @@ from radiosity.solver.direct import DirectLight
 from radiosity.solver.geometry import Geometry
 from radiosity.solver.parallel import Run
 from radiosity.solver.patches import Patches
+from radiosity.solver.seen import PLACES, Seen
 from radiosity.solver.shells import Shells
 from radiosity.solver.sources import light_sources
 from radiosity.solver.transport import AGAIN, Transport
@@ -94,3 +95,16 @@ def test_more_shadow_rays_tell_the_light_of_cells_in_a_penumbra_better():
     errors = [np.sqrt(np.mean((light(samples) - truth) ** 2)) for samples in (4, 16)]
     assert errors[1] < 0.5 * errors[0]
     assert errors[0] > 0
+
+
+def test_the_same_points_of_a_cell_are_kept_in_whatever_order_rays_met_it():
+    # 2^17 points of one cell, among which some agree in all random bits of the key that they are sorted by (27): as
+    # they come, shuffled, and as the few of the few of two halves.
+    random = np.random.default_rng(6)
+    u, v = random.random((2, 2**17), np.float32)
+    seen = Seen(np.full(len(u), 5), u, v)
+    kept = seen.few()
+    halves = [seen.take(half).few() for half in np.split(random.permutation(len(u)), 2)]
+    for other in (seen.take(random.permutation(len(u))).few(), Seen.join(halves).few()):
+        assert len(other.side) == PLACES
+        assert all(np.array_equal(getattr(other, name), getattr(kept, name)) for name in ("side", "u", "v"))
