@@ -9,8 +9,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from .charts import Charts
+from .charts import Charts, numbered, of_first
 from .errors import UnwrapError
+from .faces import faces
 from .packing import Packer, largest_density
 from .pieces import lowest_first, originals, weld
 from .scene import Scene
@@ -74,16 +75,18 @@ def unwrap(scene: Scene, settings: Settings, objects: list[int], flat: NDArray[n
     owner = np.repeat(np.arange(len(objects)), [scene.surfaces[o].count for o in objects])
     node = weld(scene.vertices)[scene.triangles[triangle]] + owner[:, None] * len(scene.vertices)
     solid = ~flat[triangle]
-    # A second copy of a triangle receives the same light: it shares the lumels of the first.
+    face = faces(_mesh_corners(scene, objects))
+    # A second copy of a face receives the same light: it shares the lumels of the first.
     original = originals(node)
-    copy = solid & (original != np.arange(len(node)))
+    copy = solid & _whole_copies(face, original)
     solid &= ~copy
     uv = np.zeros((len(triangle), 3, 2), np.float32)
     page = np.full(len(objects), -1)
     if not solid.any():
         return Atlas([], page, [None] * len(objects))
     positions = scene.vertices[scene.triangles[triangle[solid]]] - scene.origin
-    charts = flatten(positions, node[solid], (lambda part: progress(part * FLATTENING)) if progress else None)
+    flattening = (lambda part: progress(part * FLATTENING)) if progress else None
+    charts = flatten(positions, node[solid], numbered(face[solid]), flattening)
     factor = np.array([scene.surfaces[o].density for o in objects])
     charts = replace(charts, uv=charts.uv * factor[owner[solid]][:, None, None])
     sheets = _sheets(charts, owner[solid], settings)
@@ -97,7 +100,7 @@ def unwrap(scene: Scene, settings: Settings, objects: list[int], flat: NDArray[n
         sides.append((sheet.width, height))
     turn = lowest_first(node)
     uv[np.flatnonzero(copy)[:, None], turn[copy]] = uv[original[copy][:, None], turn[original[copy]]]
-    _place_flat(uv, node, solid | copy)
+    _place_flat(uv, node, face, solid | copy)
     if progress is not None:
         progress(1.0)
     parts = np.split(uv, np.flatnonzero(np.diff(owner)) + 1)
@@ -220,14 +223,43 @@ def _affordable(charts: Charts, owner: Int, budget: int) -> float:
     return high
 
 
-def _place_flat(uv: Float, node: Int, solid: NDArray[np.bool_]) -> None:
-    """Give each triangle without area one point of the layout that its corners have elsewhere, if there is one."""
+def _mesh_corners(scene: Scene, objects: list[int]) -> Int:
+    """(t, 3) int64: the same number for the same corner of the same object's mesh, where that is known."""
+    corners, start = [], 0
+    for surface in (scene.surfaces[o] for o in objects):
+        corner = np.arange(3 * surface.count).reshape(-1, 3) if surface.corner_ids is None else surface.corner_ids
+        corners.append(corner.astype(np.int64) + start)
+        start += int(corner.max(initial=-1)) + 1
+    return np.concatenate(corners)
+
+
+def _whole_copies(face: Int, original: Int) -> NDArray[np.bool_]:
+    """(t,) bool: triangles of faces all of whose triangles are copies of those of one other face."""
+    copied = original != np.arange(len(original))
+    of = face[original]
+    single = copied & (of == of_first(face, of)) & (of != face)
+    count = int(face.max(initial=-1)) + 1
+    return np.asarray((np.bincount(face, single, count) == np.bincount(face, minlength=count))[face])
+
+
+def _place_flat(uv: Float, node: Int, face: Int, solid: NDArray[np.bool_]) -> None:
+    """Give corners of triangles without area the place in the layout that the same corner of the face has elsewhere,
+    else one that their triangle's corners have anywhere, if there is one.
+    """
     if solid.all():
         return
-    number = np.unique(node, return_inverse=True)[1].reshape(node.shape)
-    known = np.full((int(number.max()) + 1, 2), np.nan, np.float32)
-    known[number[solid]] = uv[solid]
-    options = known[number[~solid]]
+    place = np.unique(node, return_inverse=True)[1].reshape(node.shape)
+    anywhere = _held(place, uv, solid)
+    place = np.unique(face[:, None] * (int(place.max()) + 1) + place, return_inverse=True)[1].reshape(node.shape)
+    here = _held(place, uv, solid)
+    options = np.concatenate([here, anywhere], axis=1)
     usable = np.isfinite(options[:, :, 0])
-    point = options[np.arange(len(options)), usable.argmax(axis=1)]
-    uv[~solid] = np.nan_to_num(point)[:, None]
+    point = np.nan_to_num(options[np.arange(len(options)), usable.argmax(axis=1)])
+    uv[~solid] = np.where(usable[:, :3, None], here, point[:, None])
+
+
+def _held(place: Int, uv: Float, solid: NDArray[np.bool_]) -> Float:
+    """(f, 3, 2) what triangles that are solid have at the numbered places of those that are not; NaN for nothing."""
+    held = np.full((int(place.max()) + 1, 2), np.nan, np.float32)
+    held[place[solid]] = uv[solid]
+    return np.asarray(held[place[~solid]])

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -36,11 +36,13 @@ class Charts:
     uv : (t, 3, 2) float64, metres, each chart in a frame of its own.
     chart : (t,) int64, chart 0 ... k - 1 of each triangle.
     corner : (t, 3) int64 node of each corner; triangles of a chart hang together where they share two.
+    face : (t,) int64, face of the mesh of each triangle; those of one face stay in one chart.
     """
 
     uv: Float
     chart: Int
     corner: Int
+    face: Int
 
     @property
     def count(self) -> int:
@@ -48,15 +50,19 @@ class Charts:
         return int(self.chart.max(initial=-1)) + 1
 
     def take(self, index: Int) -> Charts:
-        """Some of the triangles, their charts numbered anew."""
-        return Charts(self.uv[index], numbered(self.chart[index]), self.corner[index])
+        """Some of the triangles, their charts and faces numbered anew."""
+        return Charts(self.uv[index], numbered(self.chart[index]), self.corner[index], numbered(self.face[index]))
 
     def replaced(self, index: Int, by: Charts) -> Charts:
         """Some of the triangles flattened in another way, as charts of their own."""
         uv, chart, corner = self.uv.copy(), self.chart.copy(), self.corner.copy()
         uv[index], chart[index] = by.uv, by.chart + self.count
         corner[index] = by.corner + int(corner.max(initial=-1)) + 1
-        return Charts(uv, numbered(chart), corner)
+        return Charts(uv, numbered(chart), corner, self.face)
+
+    def relabelled(self, label: Int) -> Charts:
+        """The charts cut into connected pieces of triangles that also have the same label (t,); a face stays whole."""
+        return replace(self, chart=parts(self.corner, self.face, label))
 
     def boxes(self) -> tuple[Float, Float]:
         """Lower corners and sides of the charts' boxes, (k, 2) float64 metres each."""
@@ -97,7 +103,7 @@ def unfold(charts: Charts) -> Charts:
             break
         apart = np.zeros(len(charts.chart), bool)
         apart[order[1:][double] // 3] = True
-        charts = Charts(charts.uv, parts(charts.corner, charts.chart * 2 + apart), charts.corner)
+        charts = charts.relabelled(charts.chart * 2 + apart)
     return charts
 
 
@@ -132,7 +138,7 @@ def straighten(charts: Charts) -> Charts:
         best, box = np.where(better[poor.chart][:, None, None], turned, best), np.where(better, size, box)
     uv = charts.uv.copy()
     uv[chosen] = best
-    return Charts(uv, charts.chart, charts.corner)
+    return replace(charts, uv=uv)
 
 
 def cut_wasteful(charts: Charts) -> Charts:
@@ -155,7 +161,7 @@ def cut_wasteful(charts: Charts) -> Charts:
     owner[poor.chart] = charts.chart[chosen]
     stages, sizes = [poor.chart], [whole[owner]]
     for _ in range(CUTS):
-        part = _halve(poor.uv, poor.corner, stages[-1], area, limit)
+        part = _halve(replace(poor, chart=stages[-1]), area, limit)
         _, part_side = boxes(poor.uv, part, int(part.max()) + 1)
         parent = np.zeros(len(part_side), np.int64)
         parent[part] = poor.chart
@@ -169,15 +175,15 @@ def cut_wasteful(charts: Charts) -> Charts:
     cut = stage[poor.chart] > 0
     pair = poor.chart * (int(part.max()) + 1) + part  # stages number their parts each in their own way
     label[chosen[cut]] = charts.count + pair[cut]
-    return Charts(charts.uv, numbered(label), charts.corner)
+    return replace(charts, chart=numbered(label))
 
 
-def _halve(uv: Float, corner: Int, chart: Int, area: Float, limit: float) -> Int:
+def _halve(charts: Charts, area: Float, limit: float) -> Int:
     """Labels after cutting the poor charts in the better of two ways: at the middle of the longer side, or lying
     triangles from standing ones (the bars of a frame may be two triangles each, as long as the frame).
     """
-    count = int(chart.max()) + 1
-    low, side = boxes(uv, chart, count)
+    uv, chart, count = charts.uv, charts.chart, charts.count
+    low, side = charts.boxes()
     filled = np.bincount(chart, area, count)
     box = side.prod(axis=1)
     poor = ((filled < POOR_FILL * box) & (box - filled > limit))[chart]
@@ -186,7 +192,7 @@ def _halve(uv: Float, corner: Int, chart: Int, area: Float, limit: float) -> Int
     extent = np.ptp(uv, axis=1)
     ways = []
     for apart in (middle > (low + side / 2)[chart, axis], extent[:, 0] > extent[:, 1]):
-        part = parts(corner, chart * 2 + (poor & apart))
+        part = charts.relabelled(chart * 2 + (poor & apart)).chart
         _, part_side = boxes(uv, part, int(part.max()) + 1)
         parent = np.zeros(len(part_side), np.int64)
         parent[part] = chart
@@ -196,8 +202,25 @@ def _halve(uv: Float, corner: Int, chart: Int, area: Float, limit: float) -> Int
     return numbered(label)
 
 
-def parts(corner: Int, label: Int) -> Int:
-    """Connected pieces of triangles that also have the same label."""
+def parts(corner: Int, face: Int, label: Int) -> Int:
+    """(t,) int64 number 0 ... k - 1 of the connected piece of triangles that also have the same label.
+
+    Parameters
+    ----------
+    corner : (t, 3) int node of each corner.
+    face : (t,) int; triangles of one face have the label of the first of them, and hang together.
+    label : (t,) int.
+    """
+    label = of_first(face, label)
     first, second, _, _ = shared_edges(corner)
     same = label[first] == label[second]
-    return components(len(corner), first[same], second[same])
+    order = np.argsort(face, kind="stable")
+    whole = face[order[1:]] == face[order[:-1]]
+    return components(len(corner), np.concatenate([first[same], order[:-1][whole]]),
+                      np.concatenate([second[same], order[1:][whole]]))
+
+
+def of_first(face: Int, value: NDArray[Any]) -> NDArray[Any]:
+    """The values (t,) that the first triangle of each one's face has."""
+    _, first, inverse = np.unique(face, return_index=True, return_inverse=True)
+    return np.asarray(value[first[inverse.reshape(-1)]])

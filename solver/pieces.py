@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from .charts import numbered, of_first
 from .components import components, shared_edges
 
 Float = NDArray[np.floating[Any]]
@@ -52,14 +53,15 @@ def _mixed(rows: NDArray[np.uint64]) -> NDArray[np.uint64]:
     return key
 
 
-def pieces(positions: Float, node: Int, limit: int = PIECE_SIZE) -> Int:
+def pieces(positions: Float, node: Int, face: Int, limit: int = PIECE_SIZE) -> Int:
     """Number the piece that each triangle belongs to.
 
     Parameters
     ----------
     positions : (t, 3, 3), metres; triangles with area.
     node : (t, 3) int, corners that are joined have the same number.
-    limit : most triangles in a piece.
+    face : (t,) int, triangles of one face stay together.
+    limit : most triangles in a piece; a face of more is one of its own.
 
     Returns
     -------
@@ -70,12 +72,14 @@ def pieces(positions: Float, node: Int, limit: int = PIECE_SIZE) -> Int:
     first, second, side, _ = shared_edges(node)
     smooth = (normal[first] * normal[second]).sum(axis=1) > CREASE_COSINE
     smooth &= ~_walled(positions, normal, node, first, second, side)
-    label = components(len(positions), first[smooth], second[smooth])
+    label = numbered(of_first(face, components(len(positions), first[smooth], second[smooth])))
+    middle = middles(positions, face)
     for _ in range(64):  # more halvings than there are bits in an index
         large = np.bincount(label) > limit
-        if not large.any():
+        halves = halved(middle, label, large)
+        if halves.max() == label.max():  # single faces can't be cut
             break
-        label = halved(positions.mean(axis=1), label, large)
+        label = halves
     return label
 
 
@@ -105,8 +109,19 @@ def _walled(positions: Float, normal: Float, node: Int, first: Int, second: Int,
     return walled
 
 
+def middles(positions: Float, face: Int) -> Float:
+    """(t, 3) the mean of the corners of each one's face."""
+    number = np.unique(face, return_inverse=True)[1].reshape(-1)
+    middle = positions.mean(axis=1)
+    mean = np.stack([np.bincount(number, column) for column in middle.T], axis=1) / np.bincount(number)[:, None]
+    return np.asarray(mean[number])
+
+
 def halved(middle: Float, label: Int, chosen: NDArray[np.bool_]) -> Int:
-    """Cut the items of the chosen labels, (k,) bool, at the median of their longest extent: new labels 0 ... k - 1."""
+    """Cut the items of the chosen labels, (k,) bool, at the median of their longest extent: new labels 0 ... k - 1.
+
+    Items with the same middle, as triangles of a face have, stay together.
+    """
     label, items = label.copy(), np.flatnonzero(chosen[label])
     if len(items):
         group = np.unique(label[items], return_inverse=True)[1].reshape(-1)
@@ -115,10 +130,11 @@ def halved(middle: Float, label: Int, chosen: NDArray[np.bool_]) -> Int:
         by_group = np.argsort(group, kind="stable")
         extent = (np.maximum.reduceat(middle[items][by_group], start)
                   - np.minimum.reduceat(middle[items][by_group], start))
-        axis = extent.argmax(axis=1)[group]
-        order = np.lexsort((middle[items, axis], group))
-        rank = np.empty(len(items), np.int64)
-        rank[order] = np.arange(len(items)) - start[group[order]]
-        upper = rank >= (count // 2)[group]
+        along = middle[items, extent.argmax(axis=1)[group]]
+        order = np.lexsort((along, group))
+        median = along[order[start + count // 2]]
+        lowest = along[order[start]]
+        # Where the lower half is one place, the cut is above it.
+        upper = np.where((median > lowest)[group], along >= median[group], along > median[group])
         label[items[upper]] = len(chosen) + group[upper]
     return np.asarray(np.unique(label, return_inverse=True)[1]).reshape(-1)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -26,9 +27,9 @@ def bent(positions: Float, charts: Charts) -> NDArray[np.bool_]:
     return bent
 
 
-def lay_flat(positions: Float, charts: Charts) -> Charts:
-    """Lay every planar chart into its plane, one of its longest sides along u; the others stay as they are."""
-    chosen = np.flatnonzero(~bent(positions, charts)[charts.chart])
+def lay_flat(positions: Float, charts: Charts, some: NDArray[np.bool_]) -> Charts:
+    """Lay some charts (k,) into the plane across their mean normal, one of their longest sides along u."""
+    chosen = np.flatnonzero(some[charts.chart])
     mean = _mean_normals(_normals(positions), charts)
     edge = np.roll(positions, -1, axis=1) - positions
     longest = edge[np.arange(len(edge)), (edge**2).sum(axis=2).argmax(axis=1)]
@@ -44,7 +45,7 @@ def lay_flat(positions: Float, charts: Charts) -> Charts:
     uv = charts.uv.copy()
     uv[chosen] = np.stack([np.einsum("tcx,tx->tc", relative, along[own]),
                            np.einsum("tcx,tx->tc", relative, across[own])], axis=2)
-    return Charts(uv, charts.chart, charts.corner)
+    return replace(charts, uv=uv)
 
 
 def _normals(positions: Float) -> Float:

@@ -4,7 +4,8 @@
    plane (`solver.planar`), only curved ones need xatlas.
 2. xatlas stretches each chart to whole texels of the page that it packs on the way; per chart the stretch is measured
    against the mesh and undone, so that charts come out in metres.
-3. A triangle that xatlas lost becomes a chart of its own; unevenly stretched charts are cut and flattened again.
+3. A face that xatlas tore or lost is put together again, in a chart of its own where need be (`solver.faces`); unevenly
+   stretched charts are cut and flattened again.
 4. Charts that waste most of their box are turned or cut.
 """
 
@@ -20,7 +21,8 @@ from numpy.typing import NDArray
 
 from .charts import Charts, cut_wasteful, numbered, parts, straighten, unfold, uv_areas
 from .components import components, shared_edges
-from .pieces import halved, pieces
+from .faces import mend
+from .pieces import halved, middles, pieces
 from .planar import bent, lay_flat
 
 Float = NDArray[np.floating[Any]]
@@ -41,8 +43,7 @@ DRAFT_PAGE = 16
 MEAN_SIDE = 10.0
 # A chart's measured stretch is believed if both its factors lie within this of the one that keeps the area.
 STRETCH_LIMIT = 100.0
-# A triangle whose area in its chart is below this part of its area in space was lost in flattening, and becomes a chart
-# of its own.
+# A triangle whose area in its chart is below this part of its area in space was lost in flattening.
 LOST = 1e-3
 # A chart whose texel density varies more (`_unevenness`) or whose sides are off by more (`_askew`) is cut in two and
 # flattened again, so many times at most.
@@ -52,16 +53,18 @@ UNEVEN, ASKEW, RECUTS = 0.08, 0.15, 3
 WORTH = 2e-5
 
 
-def flatten(positions: Float, node: Int, progress: Progress | None = None) -> Charts:
-    """Flatten triangles into charts with little distortion and no overlap.
+def flatten(positions: Float, node: Int, face: Int, progress: Progress | None = None) -> Charts:
+    """Flatten triangles into charts with little distortion and no overlap; no face is torn.
 
     Parameters
     ----------
     positions : (t, 3, 3), metres; every triangle has area.
     node : (t, 3) int, corners that are joined have the same number; objects share none.
+    face : (t,) int, the mesh's face of each triangle.
     progress : told the fraction done; what it raises ends the work.
     """
-    charts = _flatten_pieces(positions, node, pieces(positions, node), progress)
+    charts = _flatten_pieces(positions, node, face, pieces(positions, node, face), progress)
+    middle = middles(positions, face)
     for _ in range(RECUTS):
         area = np.bincount(charts.chart, _areas(positions))
         uneven = (_unevenness(positions, charts) > UNEVEN) & (area > WORTH * area.sum())
@@ -69,8 +72,8 @@ def flatten(positions: Float, node: Int, progress: Progress | None = None) -> Ch
         again = np.flatnonzero(uneven[charts.chart])
         if not len(again):
             break
-        piece = halved(positions.mean(axis=1), charts.chart, uneven)[again]
-        charts = charts.replaced(again, _flatten_pieces(positions[again], node[again], piece))
+        piece = halved(middle, charts.chart, uneven)[again]
+        charts = charts.replaced(again, _flatten_pieces(positions[again], node[again], face[again], piece))
     return straighten(cut_wasteful(straighten(charts)))
 
 
@@ -92,17 +95,18 @@ def _askew(positions: Float, charts: Charts) -> Float:
     return np.asarray(wrong / np.bincount(charts.chart, space.sum(axis=1)))
 
 
-def _flatten_pieces(positions: Float, node: Int, piece: Int, progress: Progress | None = None) -> Charts:
+def _flatten_pieces(positions: Float, node: Int, face: Int, piece: Int, progress: Progress | None = None) -> Charts:
     """Flatten pieces (t,), each by itself; only those that are not planar need xatlas."""
-    charts = unfold(Charts(np.zeros((len(positions), 3, 2)), parts(node, piece), node))
+    charts = unfold(Charts(np.zeros((len(positions), 3, 2)), parts(node, face, piece), node, face))
     curved = np.flatnonzero(bent(positions, charts)[charts.chart])
     if len(curved):
         piece = numbered(charts.chart[curved])
-        charts = charts.replaced(curved, _flatten_curved(positions[curved], node[curved], piece, progress))
-    return lay_flat(positions, charts)
+        flattened = _flatten_curved(positions[curved], node[curved], face[curved], piece, progress)
+        charts = charts.replaced(curved, flattened)
+    return lay_flat(positions, charts, ~bent(positions, charts))
 
 
-def _flatten_curved(positions: Float, node: Int, piece: Int, progress: Progress | None) -> Charts:
+def _flatten_curved(positions: Float, node: Int, face: Int, piece: Int, progress: Progress | None) -> Charts:
     """Flatten connected pieces (t,), numbered 0 ... k - 1, with xatlas."""
     order = np.argsort(piece, kind="stable")
     ends = np.append(np.flatnonzero(np.diff(piece[order])), len(order) - 1) + 1
@@ -118,7 +122,9 @@ def _flatten_curved(positions: Float, node: Int, piece: Int, progress: Progress 
             progress(start / len(order))
     first, second, _, _ = shared_edges(corner)
     chart = components(len(positions), first, second)
-    return _rescue(positions, Charts(_unstretch(positions, uv, chart), chart, corner))
+    uv = _unstretch(positions, uv, chart)
+    lost = np.abs(uv_areas(uv)) < LOST * _areas(positions)
+    return mend(positions, node, Charts(uv, chart, corner, face), lost)
 
 
 def _flatten_batch(positions: Float, node: Int, piece: Int) -> tuple[Float, Int]:
@@ -172,18 +178,6 @@ def _unstretch(positions: Float, uv: Float, chart: Int) -> Float:
         # Last, keep the area exactly.
         scale *= np.sqrt(even / scale.prod(axis=1))[:, None]
     return np.asarray(uv * np.nan_to_num(scale, posinf=0)[chart][:, None])
-
-
-def _rescue(positions: Float, charts: Charts) -> Charts:
-    """Make every triangle that was lost in flattening a chart of its own."""
-    lost = np.abs(uv_areas(charts.uv)) < LOST * _areas(positions)
-    if not lost.any():
-        return charts
-    count = int(lost.sum())
-    chart, corner = charts.chart.copy(), charts.corner.copy()
-    chart[lost] = chart.max() + 1 + np.arange(count)
-    corner[lost] = corner.max() + 1 + np.arange(3 * count).reshape(-1, 3)
-    return Charts(charts.uv, numbered(chart), corner)
 
 
 def _areas(positions: Float) -> Float:

@@ -194,7 +194,7 @@ def flatten_often(times):
     """Flatten a quad that is folded by 90 degrees and curved, as often as asked for."""
     positions = np.array([[[0, 0, 0], [1, 0, 0], [1, 1, 0]], [[0, 0, 0], [1, 1, 0], [0, 1, 0.2]]], float)
     for _ in range(times):
-        _flatten_curved(positions, np.array([[0, 1, 2], [0, 2, 3]]), np.zeros(2, int), None)
+        _flatten_curved(positions, np.array([[0, 1, 2], [0, 2, 3]]), np.arange(2), np.zeros(2, int), None)
 
 
 def test_flattening_never_waits_for_a_thread_of_xatlas_that_missed_its_end():
@@ -207,7 +207,7 @@ def test_flattening_never_waits_for_a_thread_of_xatlas_that_missed_its_end():
 def test_flattening_keeps_areas_and_lengths_of_flat_faces():
     # A box of 1 x 7 x .01 m: every side of every triangle as long in its chart as in space, to 1e-3.
     positions = (CUBE_CORNERS * (1, 7, .01))[CUBE]
-    charts = flatten(positions, CUBE)
+    charts = flatten(positions, CUBE, np.arange(12))
     lengths = lambda corners: np.linalg.norm(np.roll(corners, -1, axis=1) - corners, axis=2)  # noqa: E731
     assert charts.count == 6
     assert np.allclose(lengths(charts.uv), lengths(positions), rtol=1e-3)
@@ -217,7 +217,7 @@ def test_needles_that_xatlas_drops_become_charts_of_their_own():
     # A needle of 1 m x 1 micrometre beside a square: both have their area in the charts.
     positions = np.array([[[0, 0, 0], [1, 0, 0], [1, 1, 0]], [[0, 0, 0], [1, 1, 0], [0, 1, 0]],
                           [[0, 1, 0], [1, 1, 0], [.5, 1 + 1e-6, 0]]], float)
-    charts = flatten(positions, np.array([[0, 1, 2], [0, 2, 3], [3, 2, 4]]))
+    charts = flatten(positions, np.array([[0, 1, 2], [0, 2, 3], [3, 2, 4]]), np.arange(3))
     assert np.allclose(np.abs(uv_areas(charts.uv)), [.5, .5, 5e-7], rtol=.05)
 
 
@@ -227,7 +227,7 @@ def test_a_frame_is_cut_into_its_bars():
     inner = 5 + (outer - 5) * .998
     points = np.vstack([outer, inner])
     corner = np.array([t for k in range(4) for t in ([k, (k + 1) % 4, 4 + (k + 1) % 4], [k, 4 + (k + 1) % 4, 4 + k])])
-    cut = cut_wasteful(Charts(points[corner], np.zeros(8, int), corner))
+    cut = cut_wasteful(Charts(points[corner], np.zeros(8, int), corner, np.arange(8)))
     assert cut.count == 4
     assert cut.boxes()[1].prod(axis=1).sum() < .5
 
@@ -237,8 +237,8 @@ def test_pieces_are_small_and_end_at_creases():
     vertices, triangles = sphere(64)
     keep = np.array([len(set(map(tuple, vertices[t]))) == 3 for t in triangles])
     node = weld(vertices)[triangles[keep]]
-    assert np.bincount(pieces(vertices[triangles[keep]], node)).max() <= PIECE_SIZE
-    assert np.bincount(pieces(CUBE_CORNERS[CUBE], CUBE)).tolist() == [2] * 6
+    assert np.bincount(pieces(vertices[triangles[keep]], node, np.arange(len(node)))).max() <= PIECE_SIZE
+    assert np.bincount(pieces(CUBE_CORNERS[CUBE], CUBE, np.arange(12))).tolist() == [2] * 6
 
 
 def test_vertices_weld_by_place_and_copies_are_found():
@@ -275,7 +275,7 @@ def test_the_largest_density_fits_and_two_percent_more_does_not():
     index = np.array([[0, 1, 2], [0, 2, 3]])
     uv = np.tile(corners[index], (100, 1, 1))
     chart = np.repeat(np.arange(100), 2)
-    packer = Packer(Charts(uv, chart, np.tile(index, (100, 1)) + 4 * chart[:, None]), 2)
+    packer = Packer(Charts(uv, chart, np.tile(index, (100, 1)) + 4 * chart[:, None], np.arange(len(chart))), 2)
     density = largest_density([packer], 128)
     assert 11 / 1.02 <= density <= 11
     packed = packer.pack(density, 128)
