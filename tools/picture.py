@@ -106,10 +106,13 @@ def show_baked(report: dict[str, Any], folder: Path) -> None:
     import bpy
 
     quantity = report["settings"]["quantity"]
+    real = made_real([output["object"] for output in report["outputs"]])
     for output in report["outputs"]:
-        thing = bpy.data.objects.get(output["object"])
+        name = output["object"]
+        # What a bake converted is in the mesh that it made.
+        thing = real.get(name) or bpy.data.objects.get(f"{name} mesh") or bpy.data.objects.get(name)
         if thing is None or (output["target"] == "lightmap" and not output["uv_layer"]):
-            # An instance, or a mesh that could not hold its UV map; the report's warnings tell which.
+            # A mesh that could not hold its UV map; the report's warnings tell which.
             print(f"not in the picture: {output['object']}", file=sys.stderr)
             continue
         if not thing.material_slots:
@@ -121,6 +124,30 @@ def show_baked(report: dict[str, Any], folder: Path) -> None:
             if material.node_tree is None:
                 material.use_nodes = True
             emit_instead(material.node_tree, output, folder, quantity)
+
+
+def made_real(names: list[str]) -> dict[str, Any]:
+    """Objects in place of the instances of collections that have these names in a report, so that each can show its own
+    light."""
+    import bpy
+    from mathutils import Matrix
+    from radiosity.radiosity_addon.visible import shown_meshes
+
+    shown = [item for item in shown_meshes(bpy.context.evaluated_depsgraph_get(), [])
+             if item.instancer and item.name in names]
+    real = {}
+    for item in shown:
+        mesh = item.mesh.copy()
+        mesh.transform(Matrix(item.matrix.tolist()))
+        mesh.materials.clear()
+        for material in item.materials:
+            mesh.materials.append(material.original if material is not None else None)
+        real[item.name] = bpy.data.objects.new(item.name, mesh)
+    for instancer in {item.instancer for item in shown}:
+        bpy.data.objects[instancer].instance_type = "NONE"
+    for made in real.values():
+        bpy.context.scene.collection.objects.link(made)
+    return real
 
 
 def metered(scene: Any, folder: Path) -> float:
