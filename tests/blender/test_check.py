@@ -11,9 +11,12 @@ import numpy as np
 import pytest
 from radiosity import operators
 from radiosity.radiosity_addon.check import check, find
+from radiosity.radiosity_addon.check_cost import expected_rays
 from radiosity.radiosity_addon.export import export_scene
 from radiosity.radiosity_addon.request import Request
+from radiosity.solver.bake import bake
 from radiosity.solver.errors import NothingToBake, SceneError
+from radiosity.solver.geometry import Geometry
 from radiosity.solver.settings import Settings
 
 SETTINGS = {"error": 0.1, "resolution": 64}
@@ -293,3 +296,18 @@ def test_the_operator_keeps_the_list_for_the_panel(stage):
         assert [(entry.name, entry.code) for entry in kept] == [("Sun", "no_size")]
     finally:
         operators.unregister()
+
+
+@pytest.mark.parametrize(("lamps", "error"), [(1, 0.1), (1, 0.03), (9, 0.1)])
+def test_the_work_that_is_foretold_is_about_that_of_the_bake(build, lamps, error):
+    # A grey room of 256 x 256 pixels under one lamp or nine. Within a factor of three, the rays of the bake.
+    build.cube("Room", 2.0, material=(0.5, 0.5, 0.5)).data.flip_normals()
+    for number in range(lamps):
+        data = bpy.data.lights.new("Lamp", "POINT")
+        data.shadow_soft_size = 0.1
+        build.object("Lamp", data).location = (number % 3 * 0.5 - 0.5, number // 3 * 0.5 - 0.5, 0.5)
+    settings = Settings(error=error, resolution=256)
+    scene = export_scene(bpy.context.scene, bpy.context.view_layer, settings, []).scene
+    report = bake(scene, settings).report
+    foretold = expected_rays(Geometry(scene), settings, report["lumels"])
+    assert 1 / 3 < foretold / report["rays"] < 3
