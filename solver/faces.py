@@ -22,6 +22,8 @@ Bool = NDArray[np.bool_]
 
 # Triangles lie over each other if they do so by more than this part of the smaller one's size (root of its area).
 OVER = 0.01
+# Areas are kept of triangles folded out beside sides whose length squared is off by this factor at most.
+STRETCHED = 4.0
 # Pairs of triangles looked at together: some 100 MB.
 PAIRS = 1 << 18
 
@@ -113,7 +115,7 @@ def _folded_out(positions: Float, node: Int, face: Int, uv: Float, placed: Bool)
     target = np.concatenate([second[same], first[same]])
     source_side = np.concatenate([side[same], other[same]])
     target_side = np.concatenate([other[same], side[same]])
-    along, rise, _ = _apexes(positions[target], target_side)
+    along, rise, length = _apexes(positions[target], target_side)
     turned = node[target, target_side] != node[source, source_side]
     while True:
         ready = np.flatnonzero(placed[source] & ~placed[target])
@@ -127,7 +129,9 @@ def _folded_out(positions: Float, node: Int, face: Int, uv: Float, placed: Bool)
         left = np.column_stack([-edge[:, 1], edge[:, 0]])
         away = -np.sign(((back - start) * left).sum(axis=1))
         uv[to, d], uv[to, (d + 1) % 3] = start, start + edge
-        uv[to, (d + 2) % 3] = start + along[ready, None] * edge + (away * rise[ready])[:, None] * left
+        # As high as keeps the triangle's area, where the side that it stands on is stretched.
+        stretch = (length[ready] ** 2 / np.maximum((edge**2).sum(axis=1), 1e-300)).clip(1 / STRETCHED, STRETCHED)
+        uv[to, (d + 2) % 3] = start + along[ready, None] * edge + (away * rise[ready] * stretch)[:, None] * left
         placed[to] = True
 
 

@@ -47,7 +47,7 @@ STRETCH_LIMIT = 100.0
 LOST = 1e-3
 # A chart whose texel density varies more (`_unevenness`) or whose sides are off by more (`_askew`) is cut in two and
 # flattened again, so many times at most.
-UNEVEN, ASKEW, RECUTS = 0.08, 0.15, 3
+UNEVEN, ASKEW, RECUTS = 0.08, 0.15, 5
 # Uneven charts smaller than this part of all area stay as they are: twenty lumels on a page of a million, and two more
 # borders would cost as many.
 WORTH = 2e-5
