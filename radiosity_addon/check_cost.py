@@ -21,8 +21,8 @@ from ..solver.sources import light_sources
 FILL = 0.7
 # Bytes of a bake beside Blender's own: at its start, a lumel, a triangle (with the cells that rays meet on it).
 BYTES, BYTES_LUMEL, BYTES_TRIANGLE = 2e8, 1500.0, 2500.0
-# Rays a lumel: some always, and others at an error of 10 % that go with this power of the error. (Nine scenes at a page
-# of 1,024 pixels: 52 to 84 rays at .1, 94 to 211 at .03, 350 to 490 at .01.)
+# Rays a lumel: some always, and others at an error of 10 % that go with this power of the error. (On a page of
+# 1,024 pixels: 52 to 84 rays at .1 and 94 to 211 at .03 in seven scenes, 352 to 491 at .01 in three.)
 RAYS, MORE_RAYS, RAYS_POWER = 50.0, 12.0, 1.5
 # So many times as many where there are many lamps (pandora: 239 and 584).
 LAMPS_FACTOR = 4.0

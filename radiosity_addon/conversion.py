@@ -51,11 +51,12 @@ def convert(scene: Any, view_layer: Any, bindings: Sequence[Binding], warnings: 
 
 def _meshes(depsgraph: Any, wanted: set[str]) -> dict[str, tuple[Any, Matrix]]:
     """Copies of the meshes of surfaces, and where they stand."""
-    return {item.name: (_copy(item.mesh, item.materials), Matrix(item.matrix.tolist()))
+    return {item.name: (copied(item.mesh, item.materials), Matrix(item.matrix.tolist()))
             for item in shown_meshes(depsgraph, []) if item.name in wanted}
 
 
-def _copy(mesh: Any, materials: Sequence[Any]) -> Any:
+def copied(mesh: Any, materials: Sequence[Any]) -> Any:
+    """A mesh of its own, of an evaluated one and the materials that it is shown with."""
     made = mesh.copy()
     made.materials.clear()
     for material in materials:

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from .charts import Charts, numbered, of_first
 from .errors import UnwrapError
-from .faces import faces
+from .faces import corners_of_faces, faces
 from .packing import Packer, largest_density
 from .pieces import lowest_first, originals, weld
 from .scene import Scene
@@ -250,8 +250,7 @@ def _place_flat(uv: Float, node: Int, face: Int, solid: NDArray[np.bool_]) -> No
         return
     place = np.unique(node, return_inverse=True)[1].reshape(node.shape)
     anywhere = _held(place, uv, solid)
-    place = np.unique(face[:, None] * (int(place.max()) + 1) + place, return_inverse=True)[1].reshape(node.shape)
-    here = _held(place, uv, solid)
+    here = _held(corners_of_faces(face, place), uv, solid)
     options = np.concatenate([here, anywhere], axis=1)
     usable = np.isfinite(options[:, :, 0])
     point = np.nan_to_num(options[np.arange(len(options)), usable.argmax(axis=1)])

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from .charts import Charts, numbered, parts, uv_areas
 from .components import components, shared_edges
-from .planar import lay_flat
+from .planar import lay_flat, normals
 
 Float = NDArray[np.floating[Any]]
 Int = NDArray[np.integer[Any]]
@@ -36,6 +36,18 @@ def faces(corner: Int) -> Int:
     return components(len(corner), np.repeat(np.arange(len(corner)), 3), first[inverse.reshape(-1)] // 3)
 
 
+def corners_of_faces(face: Int, node: Int) -> Int:
+    """(t, 3) int64 number 0 ... k - 1 of the corner of its face that each corner of a triangle is.
+
+    Parameters
+    ----------
+    face : (t,) int.
+    node : (t, 3) int, corners of a face at the same place have the same number.
+    """
+    key = face[:, None] * (int(node.max(initial=0)) + 1) + node
+    return np.asarray(np.unique(key, return_inverse=True)[1]).reshape(-1, 3)
+
+
 def mend(positions: Float, node: Int, charts: Charts, lost: Bool) -> Charts:
     """Charts in which every corner of a face has one place.
 
@@ -46,8 +58,7 @@ def mend(positions: Float, node: Int, charts: Charts, lost: Bool) -> Charts:
     charts : with an area for every triangle that is not `lost`, at the scale of `positions`.
     lost : (t,) bool, triangles that the flattening has no place for.
     """
-    place = np.unique(charts.face[:, None] * (int(node.max(initial=0)) + 1) + node, return_inverse=True)[1]
-    place = place.reshape(-1, 3)  # a corner of a face
+    place = corners_of_faces(charts.face, node)
     torn = np.zeros(int(charts.face.max(initial=-1)) + 1, bool)
     held = np.zeros(int(place.max(initial=-1)) + 1, np.int64)
     held[place] = charts.corner
@@ -56,8 +67,7 @@ def mend(positions: Float, node: Int, charts: Charts, lost: Bool) -> Charts:
     if not len(rows):
         return charts
     face, positions, node = numbered(charts.face[rows]), positions[rows], node[rows]
-    area = np.where(lost[rows], 0, np.linalg.norm(np.cross(positions[:, 1] - positions[:, 0],
-                                                           positions[:, 2] - positions[:, 0]), axis=1))
+    area = np.where(lost[rows], 0, np.linalg.norm(normals(positions), axis=1))
     order = np.lexsort((-area, face))
     largest = order[np.searchsorted(face[order], np.arange(int(face.max()) + 1))]
     stays = np.zeros(len(rows), bool)
@@ -72,25 +82,24 @@ def mend(positions: Float, node: Int, charts: Charts, lost: Bool) -> Charts:
     moved = ~stays & ~alone[face]
     over = _over_others(uv[moved], home[face[moved]], face[moved], charts.uv[rest], charts.chart[rest])
     alone[over] = True
-    return _assembled(charts, rows, place[rows], uv, home, alone, largest, positions, node)
-
-
-def _assembled(charts: Charts, rows: Int, place: Int, uv: Float, home: Int, alone: Bool, largest: Int, positions: Float,
-               node: Int) -> Charts:
-    """The charts with the torn faces' triangles `rows` put where they belong."""
-    face = numbered(charts.face[rows])
     own = np.flatnonzero(alone[face])
     if len(own):
-        uv[own] = _laid_alone(positions[own], node[own], numbered(face[own]), np.isin(own, largest))
-    number = np.full(int(place.max()) + 1, -1, np.int64)
-    kept = largest[~alone]
-    number[place[kept]] = charts.corner[rows[kept]]
-    new = np.unique(place[number[place] < 0])
-    number[new] = int(charts.corner.max()) + 1 + np.arange(len(new))
-    all_uv, chart, corner = charts.uv.copy(), charts.chart.copy(), charts.corner.copy()
-    all_uv[rows], corner[rows] = uv, number[place]
+        uv[own] = _laid_alone(positions[own], node[own], numbered(face[own]), stays[own])
+    chart, corner = charts.chart.copy(), charts.corner.copy()
     chart[rows] = np.where(alone, charts.count + np.arange(len(alone)), home)[face]
+    corner[rows] = _corners(place[rows], largest[~alone], corner[rows], int(corner.max()) + 1)
+    all_uv = charts.uv.copy()
+    all_uv[rows] = uv
     return Charts(all_uv, parts(corner, charts.face, chart), corner, charts.face)
+
+
+def _corners(place: Int, kept: Int, before: Int, free: int) -> Int:
+    """(t, 3) nodes of the corners `place` of faces: what the kept triangles had before, and of others new ones."""
+    number = np.full(int(place.max()) + 1, -1, np.int64)
+    number[place[kept]] = before[kept]
+    new = np.unique(place[number[place] < 0])
+    number[new] = free + np.arange(len(new))
+    return np.asarray(number[place])
 
 
 def _laid_alone(positions: Float, node: Int, face: Int, starts: Bool) -> Float:

@@ -19,7 +19,7 @@ PLANAR_COSINE = 0.9995
 
 def bent(positions: Float, charts: Charts) -> NDArray[np.bool_]:
     """(k,) bool: whether a chart leaves its plane. positions : (t, 3, 3), metres."""
-    normal = _normals(positions)
+    normal = normals(positions)
     mean = _mean_normals(normal, charts)
     length = np.linalg.norm(normal, axis=1)
     bent = np.zeros(charts.count, bool)
@@ -30,7 +30,7 @@ def bent(positions: Float, charts: Charts) -> NDArray[np.bool_]:
 def lay_flat(positions: Float, charts: Charts, some: NDArray[np.bool_]) -> Charts:
     """Lay some charts (k,) into the plane across their mean normal, one of their longest sides along u."""
     chosen = np.flatnonzero(some[charts.chart])
-    mean = _mean_normals(_normals(positions), charts)
+    mean = _mean_normals(normals(positions), charts)
     edge = np.roll(positions, -1, axis=1) - positions
     longest = edge[np.arange(len(edge)), (edge**2).sum(axis=2).argmax(axis=1)]
     # Directions in the plane: along the longest side of any of the triangles, and square to it.
@@ -48,8 +48,8 @@ def lay_flat(positions: Float, charts: Charts, some: NDArray[np.bool_]) -> Chart
     return replace(charts, uv=uv)
 
 
-def _normals(positions: Float) -> Float:
-    """(t, 3), as long as twice the triangle's area."""
+def normals(positions: Float) -> Float:
+    """(t, 3) normals of triangles (t, 3, 3), as long as twice the area."""
     return np.asarray(np.cross(positions[:, 1] - positions[:, 0], positions[:, 2] - positions[:, 0]))
 
 

@@ -23,7 +23,7 @@ from .charts import Charts, cut_wasteful, numbered, parts, straighten, unfold, u
 from .components import components, shared_edges
 from .faces import mend
 from .pieces import halved, middles, pieces
-from .planar import bent, lay_flat
+from .planar import bent, lay_flat, normals
 
 Float = NDArray[np.floating[Any]]
 Int = NDArray[np.integer[Any]]
@@ -181,6 +181,4 @@ def _unstretch(positions: Float, uv: Float, chart: Int) -> Float:
 
 
 def _areas(positions: Float) -> Float:
-    normal = np.cross(positions[:, 1] - positions[:, 0], positions[:, 2] - positions[:, 0])
-    return np.asarray(np.linalg.norm(normal, axis=1) / 2)
-
+    return np.asarray(np.linalg.norm(normals(positions), axis=1) / 2)

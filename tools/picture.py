@@ -109,11 +109,12 @@ def show_baked(report: dict[str, Any], folder: Path) -> None:
     real = made_real([output["object"] for output in report["outputs"]])
     for output in report["outputs"]:
         name = output["object"]
-        # What a bake converted is in the mesh that it made.
-        thing = real.get(name) or bpy.data.objects.get(f"{name} mesh") or bpy.data.objects.get(name)
+        thing = real.get(name) or bpy.data.objects.get(name)
+        if thing is None or thing.type != "MESH":  # a bake made a mesh of it
+            thing = bpy.data.objects.get(f"{name} mesh")
         if thing is None or (output["target"] == "lightmap" and not output["uv_layer"]):
             # A mesh that could not hold its UV map; the report's warnings tell which.
-            print(f"not in the picture: {output['object']}", file=sys.stderr)
+            print(f"not in the picture: {name}", file=sys.stderr)
             continue
         if not thing.material_slots:
             thing.data.materials.append(None)
@@ -131,17 +132,15 @@ def made_real(names: list[str]) -> dict[str, Any]:
     light."""
     import bpy
     from mathutils import Matrix
+    from radiosity.radiosity_addon.conversion import copied
     from radiosity.radiosity_addon.visible import shown_meshes
 
     shown = [item for item in shown_meshes(bpy.context.evaluated_depsgraph_get(), [])
              if item.instancer and item.name in names]
     real = {}
     for item in shown:
-        mesh = item.mesh.copy()
+        mesh = copied(item.mesh, item.materials)
         mesh.transform(Matrix(item.matrix.tolist()))
-        mesh.materials.clear()
-        for material in item.materials:
-            mesh.materials.append(material.original if material is not None else None)
         real[item.name] = bpy.data.objects.new(item.name, mesh)
     for instancer in {item.instancer for item in shown}:
         bpy.data.objects[instancer].instance_type = "NONE"

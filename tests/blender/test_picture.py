@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import importlib.util
 from pathlib import Path
 from typing import Any
 
@@ -10,19 +9,14 @@ import bpy
 import numpy as np
 import pytest
 from radiosity import operators
+from radiosity.tools import picture
 
 CORNERS = [(-2, -2, 0), (2, -2, 0), (2, 2, 0), (-2, 2, 0)]
-TOOL = Path(__file__).resolve().parents[2] / "tools" / "picture.py"
 
 
 def rendered(blend: Path, report: Path) -> np.ndarray:
     """(h, w, 3) of the picture of a baked .blend."""
-    made = importlib.util.spec_from_file_location("picture", TOOL)
-    assert made is not None
-    assert made.loader is not None
-    tool = importlib.util.module_from_spec(made)
-    made.loader.exec_module(tool)
-    tool.render(blend, report, blend.with_suffix(".png"), exposure=0.0, side=64)
+    picture.render(blend, report, blend.with_suffix(".png"), exposure=0.0, side=64)
     image = bpy.data.images.load(str(blend.with_suffix(".png")))
     pixels = np.empty(len(image.pixels), np.float32)
     image.pixels.foreach_get(pixels)
