@@ -325,11 +325,10 @@ def bake(scene: Scene, settings: Settings, progress: Progress | None = None,
             albedo = work.geometry.reflectance(triangle, *lumels.receivers.barycentric.T)
             values = encode(_passes(direct, bounced, settings.passes), settings.quantity, albedo)
             light = direct + bounced
-            seen = ~unseen(work.fans, work.geometry.visibility, light, settings.seed + 13, work.run)
-            shown = stand_ins(seen, light, near.in_chart(1), settings.margin)
+            shown = _shown(work, near, light)
             errors = work.errors / np.maximum(light.mean(axis=1), np.maximum(work.errors, 1e-30))
             work.run.check()
-            seams = Seams(samples, lumels, scene, values[shown], errors[shown])
+            seams = Seams(samples, lumels, scene, values[shown], errors[shown], shown == np.arange(len(shown)))
             work.run.check()
             images = finished(lumels, seams, values[shown], settings, work.run)
             layers = group_light(work.split, work.apart, settings.quantity, albedo,
@@ -340,6 +339,14 @@ def bake(scene: Scene, settings: Settings, progress: Progress | None = None,
                               for number, (page, pixels) in enumerate(zip(lumels.pages, images, strict=True)))
         report, patches = _reported(work, len(lumels), figures)
     return Bake(lightmaps, lumels.uv, lumels.page_of_surface, None, report, layers, patches, work.paths)
+
+
+def _shown(work: _Work, near: LumelNeighbours, light: Float) -> NDArray[np.integer[Any]]:
+    """(n,) the lumel whose light each one shows: its own, but where the margin grows over what nobody sees."""
+    if not work.settings.margin:
+        return np.arange(len(light))
+    seen = ~unseen(work.fans, work.geometry, light, work.settings.seed + 13, work.run)
+    return stand_ins(seen, light, near.in_chart(1), work.settings.margin)
 
 
 def _bake_vertices(work: _Work) -> Bake:

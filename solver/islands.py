@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .components import components, shared_edges
+from .pieces import weld
 
 Float = NDArray[np.floating[Any]]
 Int = NDArray[np.integer[Any]]
@@ -37,7 +38,7 @@ class Islands:
     @classmethod
     def of(cls, corners: Float) -> Islands:
         """Of (t, 3, 3) triangles."""
-        corner = np.unique(corners.reshape(-1, 3), axis=0, return_inverse=True)[1].reshape(-1, 3)
+        corner = weld(corners.reshape(-1, 3)).reshape(-1, 3)
         first, second, _, _ = shared_edges(corner)
         label = components(len(corners), first, second)
         count = int(label.max()) + 1
@@ -52,6 +53,11 @@ class Islands:
         box[:, 0] = np.minimum.reduceat(corners.min(axis=1)[order], starts)
         box[:, 1] = np.maximum.reduceat(corners.max(axis=1)[order], starts)
         return cls(label, closed, (closed & (volume < 0))[label], box)
+
+    @property
+    def solid(self) -> NDArray[np.bool_]:
+        """(t,) bool, triangles of closed pieces that face outward."""
+        return np.asarray(self.closed[self.label] & ~self.inverted)
 
     def box_around(self, rows: Int) -> Float | None:
         """(2, 3) box around the closed pieces that triangles `rows` are of; None if one is not closed."""

@@ -130,9 +130,9 @@ def inward(scene: Scene, places: Float) -> tuple[NDArray[np.bool_], Int]:
             others = np.delete(np.arange(len(corners)), np.arange(item.first, item.first + item.count))
             middle = corners[others].mean(axis=1)
             hollow[index] = islands.inverted.all() and not ((middle > low) & (middle < high)).all(axis=1).any()
-        closed = islands.closed[islands.label] & ~islands.inverted
-        for place in inside if closed.any() else ():
-            if _enclosed(own[closed], places[place]):
+        solid = islands.solid
+        for place in inside if solid.any() else ():
+            if _enclosed(own[solid], places[place]):
                 around[place] = index
     return hollow, around
 

@@ -61,12 +61,18 @@ class Seams:
     values : (n, 3), the light of the lumels, which says how far each may be moved: that of all lights together, so that
         parts of it, stitched one by one, add up to the whole.
     errors : (n,) about how far off each lumel may be, in parts of its light.
+    own : (n,) bool, which lumels show light of their own; what the margin grew over gives way as the margin does. None:
+        all of them.
     """
 
-    def __init__(self, samples: SeamSamples, lumels: Lumels, scene: Scene, values: Float, errors: Float) -> None:
+    def __init__(self, samples: SeamSamples, lumels: Lumels, scene: Scene, values: Float, errors: Float,
+                 own: NDArray[np.bool_] | None = None) -> None:
         taps = seam_taps(samples, lumels, scene)
+        if own is not None:
+            taps.owner[texel_of(lumels)[~own]] = -1
         texel = taps.texel.reshape(-1, 8)
         self._weight = (taps.weight * np.array([1.0, -1.0])[:, None]).reshape(-1, 8)
+        self._moved = self._weight * _follows(taps).reshape(-1, 8)
         self._unknown, column = np.unique(texel, return_inverse=True)
         self._column = column.reshape(texel.shape)
         light, noise = np.zeros((len(taps.owner), 3)), np.zeros(len(taps.owner))
@@ -95,11 +101,22 @@ class Seams:
         run = run or Run()
 
         def work(channel: int) -> Float:
-            return _solve(self._column, self._weight, self._anchor, before[:, channel], run.check)
+            step = np.einsum("ij,ij->i", self._weight, np.take(before[:, channel], self._column))
+            return _solve(self._column, self._moved, self._anchor, step, run.check)
 
         change = np.stack(run.map(work, range(3)), axis=1)
         flat[self._unknown] = np.maximum(before + change, np.minimum(before, 0))
         return _pages(flat, images)
+
+
+def _follows(taps: Taps) -> NDArray[np.bool_]:
+    """(n, 2, 4) which texels a sample may move: all, but no lumels across a seam from a side that shows none.
+
+    A chart narrower than a texel may have no lumel. What its texels show is made up, and follows the other side.
+    """
+    lumel = taps.owner[taps.texel] >= 0
+    known = (taps.weight * lumel).sum(axis=2) > 0
+    return np.asarray(~lumel | known.all(axis=1)[:, None, None])
 
 
 def _pages(flat: Float, images: list[Float]) -> list[Float]:
@@ -171,9 +188,9 @@ def _taps(point: Float, size: Int, offset: Int) -> tuple[Int, Float]:
     return np.stack(texel, axis=1), np.stack(weight, axis=1)
 
 
-def _solve(column: Int, weight: Float, anchor: Float, value: Float, check: Callable[[], None]) -> Float:
-    """The change d (m,) that minimises anchor d^2 + SEAM_WEIGHT (difference of value + d across the seams)^2; `check`
-    is called before each step, and may raise."""
+def _solve(column: Int, weight: Float, anchor: Float, step: Float, check: Callable[[], None]) -> Float:
+    """The change d (m,) that minimises anchor d^2 + SEAM_WEIGHT (step + difference of d across the seams)^2; `check`
+    is called before each iteration, and may raise."""
     flat, count = column.ravel(), len(anchor)
 
     def transposed(rows: Float) -> Float:
@@ -186,7 +203,7 @@ def _solve(column: Int, weight: Float, anchor: Float, value: Float, check: Calla
         return np.asarray(anchor * x + SEAM_WEIGHT * transposed(differences(x)))
 
     diagonal = anchor + SEAM_WEIGHT * np.bincount(flat, (weight**2).ravel(), count)
-    residual = np.asarray(-SEAM_WEIGHT * transposed(differences(value)))
+    residual = np.asarray(-SEAM_WEIGHT * transposed(step))
     change = np.zeros(count)
     direction = z = residual / diagonal
     rho = dot(residual, z)
@@ -199,9 +216,9 @@ def _solve(column: Int, weight: Float, anchor: Float, value: Float, check: Calla
         curvature = dot(direction, image)
         if not curvature > 0:
             break
-        step = rho / curvature
-        change += step * direction
-        residual -= step * image
+        length = rho / curvature
+        change += length * direction
+        residual -= length * image
         z = residual / diagonal
         rho, before = dot(residual, z), rho
         direction = z + rho / before * direction

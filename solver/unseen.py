@@ -3,6 +3,9 @@
 Such a lumel is dark, and a lightmap that is filtered while it is drawn shows its darkness as teeth along every line in
 which two solids stick in each other. Its texel is no better than an empty one, so the chart's margin grows over it,
 from the darkest of the lumels beside: where both sides of a thin wall are one chart, no light comes through.
+
+A solid is a surface without a gap. What is behind an open one may be as dark, but light does get there, so that
+somebody may look: it keeps what it has.
 """
 
 from __future__ import annotations
@@ -14,51 +17,66 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .fans import Fans
+from .geometry import Geometry
+from .islands import Islands
 from .parallel import Run, shares
-from .visibility import Visibility
+from .visibility import Hits, Visibility
 
 Float = NDArray[np.floating[Any]]
 Int = NDArray[np.integer[Any]]
 
-# Rays of a lumel, all of which must start covered or meet a back: a few rule out most of the dark ones.
+# Rays of a lumel, all of which must meet the back of a solid, or a back from under a face that touches: a few rule out
+# most of the dark ones.
 RAYS = (4, 32)
 # A lumel with more light than this part of the mean is seen: some rooms have walls that face outward.
 DARK = 0.03
 CHUNK_RAYS = 2**17
 
 
-def unseen(fans: Fans, visibility: Visibility, light: Float, seed: int, run: Run) -> NDArray[np.bool_]:
+def unseen(fans: Fans, geometry: Geometry, light: Float, seed: int, run: Run) -> NDArray[np.bool_]:
     """(n,) which lumels nobody sees.
 
     Parameters
     ----------
     fans : of the lumels.
+    geometry : of the scene.
     light : (n, 3) their irradiance, W/m2.
     """
     level = light.mean(axis=1)
     found = np.asarray(level <= DARK * level.mean())
+    if not found.any():
+        return found
+    solid = Islands.of(geometry.corners).solid
     for count in RAYS:
         rows = np.flatnonzero(found)
         run.count(len(rows) * count)
-        look = partial(_all_closed, fans, visibility, rows, count, seed)
+        look = partial(_all_inside, fans, geometry.visibility, solid, rows, count, seed)
         parts = run.map(look, shares(len(rows), CHUNK_RAYS // count))
         found[rows] = np.concatenate(parts) if parts else False
     return found
 
 
-def _all_closed(fans: Fans, visibility: Visibility, rows: Int, count: int, seed: int,
+def _all_inside(fans: Fans, visibility: Visibility, solid: NDArray[np.bool_], rows: Int, count: int, seed: int,
                 part: slice) -> NDArray[np.bool_]:
-    return np.asarray(closed_rays(fans, visibility, rows[part], count, seed).all(axis=1))
+    hits, lit = _looks(fans, visibility, rows[part], count, seed)
+    inside = _backs(hits) & (solid[hits.triangle] | ~lit)
+    return np.asarray(inside.reshape(-1, count).all(axis=1))
 
 
 def closed_rays(fans: Fans, visibility: Visibility, rows: Int, count: int, seed: int) -> NDArray[np.bool_]:
     """(n, count): which rays of receivers `rows` (n,) start covered or meet a back."""
+    hits, lit = _looks(fans, visibility, rows, count, seed)
+    return np.asarray((_backs(hits) | ~lit).reshape(-1, count))
+
+
+def _looks(fans: Fans, visibility: Visibility, rows: Int, count: int, seed: int) -> tuple[Hits, NDArray[np.bool_]]:
+    """What rays meet, and at which of their starts light can arrive (n * count,)."""
     origins, directions, lit = fans.rays(rows, count, seed)
-    hits = visibility.hits(origins, directions)
-    closed = (hits.triangle >= 0) & ~hits.front
-    if lit is not None:
-        closed |= ~lit
-    return np.asarray(closed.reshape(-1, count))
+    return visibility.hits(origins, directions), np.ones(len(origins), bool) if lit is None else lit
+
+
+def _backs(hits: Hits) -> NDArray[np.bool_]:
+    return np.asarray((hits.triangle >= 0) & ~hits.front)
 
 
 def stand_ins(seen: NDArray[np.bool_], light: Float, around: Int, rings: int) -> Int:

@@ -58,7 +58,7 @@ def bake(case: Case, known: dict[str, Any], error: float, folder: Path, extra: t
     command = [
         *(sys.executable, "-m", "radiosity", "bake", str(case.folder / "twin.blend")),
         *("--output", str(folder), "--error", f"{error:g}", "--uv-layer", known["uv_layer"]),
-        *("--resolution", str(known["resolution"]), "--margin", "0", "--report", str(report_path)),
+        *("--resolution", str(known["resolution"]), "--report", str(report_path)),
         *(word for name in names for word in ("--only", name)),
         *extra,
     ]

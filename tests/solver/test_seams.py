@@ -106,6 +106,36 @@ def test_a_step_of_light_moves_lumels_less_than_noise_does():
     assert parts[1] < parts[0] / 5
 
 
+def test_a_chart_without_lumels_moves_none_beside_it():
+    # The right square's chart is a quarter of a texel wide, between texels' centres: it has no lumel, and what its
+    # texels show was spread there from elsewhere. Exact answer: the left square's lumels stay, and both sides agree.
+    thin = RIGHT.copy()
+    thin[:, 0] = np.where(thin[:, 0] > .7, 36.25, 36) / SIDE
+    scene = two_squares(surfaces=(Surface("both", 0, 4, lightmap_uv=np.concatenate(
+        [LEFT[[[0, 1, 2], [0, 2, 3]]], thin[[[0, 1, 2], [0, 2, 3]]]])),))
+    result, images = baked(scene, rough)
+    assert (result.receivers.triangle < 2).all()
+    images[0][:, 30:] = 5
+    stitched = seams(result, scene, images).stitch(images)
+    assert np.array_equal(*(image.reshape(-1, 3)[result.pixel] for image in (images[0], stitched[0])))
+    t = np.linspace(.1, .9, 33)[:, None]
+    left = filtered(stitched[0], LEFT[1] * (1 - t) + LEFT[2] * t)
+    right = filtered(stitched[0], thin[0] * (1 - t) + thin[3] * t)
+    assert np.abs(left - right).mean() < .1
+
+
+def test_what_lumels_show_of_others_gives_way():
+    # Light 1, and a right square that nobody sees: it shows 3, which the margin grew over it. Exact answer: the left
+    # square's lumels stay.
+    scene = two_squares()
+    result, images = baked(scene, lambda p: np.where(p[:, :1] > 1, 3, 1) * np.ones(3))
+    values = images[0].reshape(-1, 3)[result.pixel]
+    left = result.receivers.triangle < 2
+    stitched = Seams(seam_samples(result, scene), result, scene, values, np.full(len(result), .1), left).stitch(images)
+    assert np.array_equal(stitched[0].reshape(-1, 3)[result.pixel[left]], values[left])
+    assert gap(stitched[0]) < gap(images[0]) / 3
+
+
 def test_parts_of_the_light_add_up_after_stitching():
     # Noise of two lamps apart, stitched as their sum asks. Exact answer: the sum stitched.
     scene = two_squares()
