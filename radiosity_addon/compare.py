@@ -98,7 +98,12 @@ class Comparison(Job):
         scene, seconds = self._exported.scene, time.perf_counter() - self._started
         self._add_solver_warnings()
         self.progress("Cycles", 0.0)
-        job = self._job(write_geometry(scene, bake, folder))
+        pages, copies = write_geometry(scene, bake, folder)
+        if copies:
+            warn(self.warnings, "", "overlapping", f"{copies} of {len(scene.triangles)} triangles lie exactly on "
+                 "others: Cycles is not given them, since it would shade both by chance, and their lumels are not "
+                 "compared: merge vertices by distance (Mesh > Merge) or delete them")
+        job = self._job(pages)
         run_job(job, folder, self._cycles_told, self._cancel.is_set)
         with np.load(folder / REFERENCES) as archive:
             about = json.loads(str(archive["about"]))

@@ -151,7 +151,8 @@ class Twin:
         return found
 
     def aim(self, job: dict[str, Any]) -> None:
-        """Put the user's camera into the scene."""
+        """Put the user's camera into the scene, and let it look through holes."""
+        self._materials.show_holes()
         placed = job["stage"]["camera"]
         camera = bpy.data.objects.new("camera", bpy.data.cameras[placed["data"]])
         camera.data.dof.use_dof = False

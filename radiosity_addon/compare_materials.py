@@ -12,6 +12,8 @@ Float = NDArray[np.floating[Any]]
 
 # Layers of the twin's mesh: where lumels lie, where textures lie, and the reflectance.
 LUMELS, TEXTURE, REFLECTANCE = "lumels", "texture", "reflectance"
+# The node that makes what a camera ray meets whole.
+WHOLE = "whole"
 
 
 class TwinMaterials:
@@ -79,22 +81,33 @@ class TwinMaterials:
         return node.outputs["Emission"]
 
     def _holed(self, tree: Any, surface: Any, opacity: float, texture: int) -> Any:
-        """The output of a surface that lets part of the light go straight on."""
+        """The output of a surface that lets part of the light go straight on.
+
+        What is baked is seen by camera rays, and is whole: Cycles would bake its light times its opacity.
+        """
         clear, mix = tree.nodes.new("ShaderNodeBsdfTransparent"), tree.nodes.new("ShaderNodeMixShader")
-        if texture < 0:
-            mix.inputs["Fac"].default_value = opacity
-        else:
-            product = tree.nodes.new("ShaderNodeMath")
-            product.operation = "MULTIPLY"
-            product.inputs[1].default_value = opacity
+        product, whole = tree.nodes.new("ShaderNodeMath"), tree.nodes.new("ShaderNodeMath")
+        product.operation, whole.operation = "MULTIPLY", "MULTIPLY_ADD"
+        product.inputs[0].default_value, product.inputs[1].default_value = 1.0, opacity
+        if texture >= 0:
             # The texture's three channels are the same, or its first one counts.
             first = tree.nodes.new("ShaderNodeSeparateXYZ")
             tree.links.new(self._texture(tree, texture), first.inputs[0])
             tree.links.new(first.outputs[0], product.inputs[0])
-            tree.links.new(product.outputs[0], mix.inputs["Fac"])
+        whole.name, whole.use_clamp, whole.inputs[1].default_value = WHOLE, True, 1.0
+        tree.links.new(tree.nodes.new("ShaderNodeLightPath").outputs["Is Camera Ray"], whole.inputs[0])
+        tree.links.new(product.outputs[0], whole.inputs[2])
+        tree.links.new(whole.outputs[0], mix.inputs["Fac"])
         tree.links.new(clear.outputs["BSDF"], mix.inputs[1])
         tree.links.new(surface, mix.inputs[2])
         return mix.outputs["Shader"]
+
+    def show_holes(self) -> None:
+        """Let cameras look through holes, too: for a render, after all bakes."""
+        for material in self._made.values():
+            whole = material.node_tree.nodes.get(WHOLE)
+            if whole is not None:
+                whole.inputs[1].default_value = 0.0
 
     def _texture(self, tree: Any, index: int) -> Any:
         node, place = tree.nodes.new("ShaderNodeTexImage"), tree.nodes.new("ShaderNodeUVMap")

@@ -15,6 +15,7 @@ import bpy
 import numpy as np
 from numpy.typing import NDArray
 
+from ..solver.pieces import originals, weld
 from ..solver.result import Bake
 from ..solver.scene import Scene, surface_of_triangle
 from .compare_linking import kinds, masks
@@ -95,15 +96,20 @@ def _rows(matrix: Any) -> list[list[float]]:
     return [list(row) for row in matrix]
 
 
-def write_geometry(scene: Scene, bake: Bake, folder: Path) -> list[list[int]]:
-    """Write the surfaces to `GEOMETRY`; each page's [width, height].
+def write_geometry(scene: Scene, bake: Bake, folder: Path) -> tuple[list[list[int]], int]:
+    """Write the surfaces to `GEOMETRY`.
 
     Materials differ by emission, opacity, textures, page and group; reflectance is a colour of the mesh. A group's
     triangles have the same ray visibility: bit 0, whether they cast shadows; bit 1, whether bounced light sees them;
     and are of the same kind, from bit 2 on (`compare_linking.kinds`).
+
+    Returns
+    -------
+    Each page's [width, height], and how many triangles were left out (`_kept`).
     """
     page, layout = layout_of(scene, bake)
-    used, triangles = np.unique(scene.triangles, return_inverse=True)
+    kept = _kept(scene)
+    used, triangles = np.unique(scene.triangles[kept], return_inverse=True)
     vertices = (scene.vertices[used] - scene.origin).astype(np.float32)
     emission = np.asarray(scene.emission, np.float32) / np.float32(np.pi)
     kind, kind_surface, kind_links = kinds(scene)
@@ -111,19 +117,30 @@ def write_geometry(scene: Scene, bake: Bake, folder: Path) -> list[list[int]]:
              + 4 * _per_triangle(kind[surface_of_triangle(scene)], page))
     key = np.column_stack([emission, _per_triangle(scene.opacity, page), np.asarray(scene.reflectance_texture),
                            np.asarray(scene.emission_texture), np.asarray(scene.opacity_texture), page, group])
-    materials, material = np.unique(key.astype(np.float32), axis=0, return_inverse=True)
+    materials, material = np.unique(key[kept].astype(np.float32), axis=0, return_inverse=True)
     # A texture of reflectances may not be black either.
     raised = set(np.unique(np.asarray(scene.reflectance_texture)))
     textures = {f"texture_{index}": np.maximum(texture.pixels, np.float32(LEAST_REFLECTANCE * (index in raised)))
                 for index, texture in enumerate(scene.textures)}
+    normals = _bent_normals(scene)
     np.savez(
         folder / GEOMETRY, vertices=vertices, triangles=triangles.reshape(-1, 3).astype(np.int32),
-        origin=scene.origin, normals=_bent_normals(scene), page=page, layout=layout, group=group,
-        kind_surface=kind_surface, kind_links=kind_links,
-        reflectance=np.maximum(np.asarray(scene.reflectance, np.float32), np.float32(LEAST_REFLECTANCE)),
-        uv=scene.uv if scene.uv is not None else np.zeros((len(page), 3, 2), np.float32),
+        origin=scene.origin, normals=normals[kept] if len(normals) else normals, page=page[kept], layout=layout[kept],
+        group=group[kept], kind_surface=kind_surface, kind_links=kind_links,
+        reflectance=np.maximum(np.asarray(scene.reflectance, np.float32)[kept], np.float32(LEAST_REFLECTANCE)),
+        uv=scene.uv[kept] if scene.uv is not None else np.zeros((len(triangles) // 3, 3, 2), np.float32),
         materials=materials, material=material.reshape(-1).astype(np.int32), **textures)
-    return [[lightmap.pixels.shape[1], lightmap.pixels.shape[0]] for lightmap in bake.lightmaps]
+    return [[lightmap.pixels.shape[1], lightmap.pixels.shape[0]] for lightmap in bake.lightmaps], int((~kept).sum())
+
+
+def _kept(scene: Scene) -> NDArray[np.bool_]:
+    """(t,) all but what lies exactly on another triangle, without holes and facing the same way.
+
+    It changes no light, but in Cycles such triangles shade each other by chance, half of the light away or all of it.
+    """
+    first = originals(weld(scene.vertices)[scene.triangles])
+    solid = (np.asarray(scene.opacity) >= 1) & (np.asarray(scene.opacity_texture) < 0)
+    return np.asarray((first == np.arange(len(first))) | ~(solid & solid[first]))
 
 
 def _per_triangle(value: Any, page: NDArray[np.int32]) -> Float:

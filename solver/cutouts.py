@@ -9,11 +9,13 @@ Scenes without such triangles never come here.
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from .sheet_layers import sheet_layers
 from .visibility import SHORTEN, Hits, Visibility
 
 Float = NDArray[np.floating[Any]]
@@ -22,6 +24,18 @@ Opacity = Callable[[Int, Float, Float], Float]
 
 # Surfaces that a ray may go through; it stops at the next one.
 MOST_SHEETS = 256
+
+
+@dataclass(frozen=True, eq=False)
+class _Layer:
+    """Sheets of which none lies on another: their triangles (n,), and rays against them."""
+
+    triangles: Int
+    caster: Visibility
+
+    @classmethod
+    def of(cls, corners: Float, triangles: Int, embree: bool) -> _Layer:
+        return cls(triangles, Visibility(corners[triangles], embree))
 
 
 class CutoutVisibility(Visibility):
@@ -38,42 +52,76 @@ class CutoutVisibility(Visibility):
 
     def __init__(self, corners: Float, offset: Float, holed: NDArray[np.bool_], opacity: Opacity,
                  embree: bool = True) -> None:
-        super().__init__(corners, embree)
+        layer = sheet_layers(corners, offset, holed, embree)
+        # What is in a later layer has no area in the caster of all else.
+        super().__init__(np.where((layer > 0)[:, None, None], corners[:, :1], corners), embree)
         self._offset, self._holed, self._opacity = offset, holed, opacity
-        self._sheets = np.flatnonzero(holed)
         self._solid_caster = Visibility(corners[~holed], embree)
-        self._sheet_caster = Visibility(corners[holed], embree)
+        self._layers = [_Layer.of(corners, np.flatnonzero(holed & (layer == number)), embree)
+                        for number in range(int(layer.max(initial=0)) + 1)]
+        self._later = Visibility(corners[layer > 0], embree)
 
     def hits(self, origins: Float, directions: Float) -> Hits:
         """The nearest triangle along each ray that stops it."""
-        found = super().hits(origins, directions)
-        triangle, u, v = found.triangle.copy(), found.u.copy(), found.v.copy()
-        distance, front = found.distance.copy(), found.front.copy()
+        found = self._first_stop(super().hits, None, origins, directions)
+        if len(self._layers) == 1:
+            return found
+        rows = np.flatnonzero(self._later.occluded(origins, directions, found.distance))
+        for layer in self._layers[1:]:
+            sheet = self._first_stop(layer.caster.hits, layer.triangles, origins[rows], directions[rows])
+            nearer = sheet.distance < found.distance[rows]
+            for all_rays, these in zip(found.arrays(), sheet.arrays(), strict=True):
+                all_rays[rows[nearer]] = these[nearer]
+        return found
+
+    def _first_stop(self, cast: Callable[[Float, Float], Hits], triangles: Int | None, origins: Float,
+                    directions: Float) -> Hits:
+        """The nearest of what a caster meets that stops each ray; `triangles` (n,) are the caster's, None: all."""
+        def met(rows: Any, start: Float) -> Hits:
+            hits = cast(origins[rows] + directions[rows] * start[:, None], directions[rows])
+            if triangles is None:
+                return hits
+            return Hits(np.where(hits.triangle >= 0, triangles[hits.triangle], -1).astype(np.int32), hits.u, hits.v,
+                        hits.distance, hits.front)
+
+        start = np.zeros(len(origins), np.float32)
+        found = Hits(*(array.copy() for array in met(slice(None), start).arrays()))
+        triangle, u, v, distance, front = found.arrays()
         rows = self._passing(triangle, u, v, np.arange(len(triangle)), origins, directions)
-        start = np.zeros(len(triangle), np.float32)
         for _ in range(MOST_SHEETS):
             if not len(rows):
                 break
             start[rows] = self._behind(triangle[rows], distance[rows])
-            further = super().hits(origins[rows] + directions[rows] * start[rows, None], directions[rows])
+            further = met(rows, start[rows])
             triangle[rows], u[rows], v[rows] = further.triangle, further.u, further.v
             distance[rows], front[rows] = further.distance + start[rows], further.front
             rows = self._passing(triangle, u, v, rows, origins, directions)
-        return Hits(triangle, u, v, distance, front)
+        return found
 
     def occluded(self, origins: Float, directions: Float, distances: Float) -> NDArray[np.bool_]:
         """Whether anything within the distances stops the ray: (n,) bool."""
         blocked = self._solid_caster.occluded(origins, directions, distances)
         rows = np.flatnonzero(~blocked)
+        for number, layer in enumerate(self._layers):
+            if number == 1:
+                rows = rows[self._later.occluded(origins[rows], directions[rows], distances[rows])]
+            blocked[rows] = self._stopped(layer, origins[rows], directions[rows], distances[rows])
+            rows = rows[~blocked[rows]]
+        return blocked
+
+    def _stopped(self, layer: _Layer, origins: Float, directions: Float, distances: Float) -> NDArray[np.bool_]:
+        """Whether a sheet of a layer within the distances stops the ray: (n,) bool."""
+        blocked = np.zeros(len(origins), bool)
+        rows = np.arange(len(origins))
         start = np.zeros(len(origins), np.float32)
         for _ in range(MOST_SHEETS):
             if not len(rows):
                 break
-            met = self._sheet_caster.hits(origins[rows] + directions[rows] * start[rows, None], directions[rows])
+            met = layer.caster.hits(origins[rows] + directions[rows] * start[rows, None], directions[rows])
             distance = met.distance + start[rows]
             reached = (met.triangle >= 0) & (distance < distances[rows])
             rows, distance = rows[reached], distance[reached]
-            triangle = self._sheets[met.triangle[reached]]
+            triangle = layer.triangles[met.triangle[reached]]
             stops = self._stops(triangle, met.u[reached], met.v[reached], origins[rows], directions[rows])
             blocked[rows[stops]] = True
             rows = rows[~stops]

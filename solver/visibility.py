@@ -42,6 +42,10 @@ class Hits:
     distance: Float
     front: NDArray[np.bool_]
 
+    def arrays(self) -> tuple[NDArray[Any], ...]:
+        """All five, in this order."""
+        return self.triangle, self.u, self.v, self.distance, self.front
+
 
 class Visibility:
     """Rays against the scene's triangles.

@@ -9,6 +9,7 @@ from radiosity.solver.cutouts import CutoutVisibility
 from radiosity.solver.geometry import Geometry
 from radiosity.solver.sampling import kronecker
 from radiosity.solver.scene import Scene, Texture
+from radiosity.solver.sheet_layers import MOST_LAYERS, sheet_layers
 from radiosity.solver.visibility import Visibility
 
 UP = np.array([0, 0, 1], np.float32)
@@ -59,11 +60,55 @@ def test_sheets_one_behind_the_other_multiply(sheets):
         assert abs(part.mean() - expected) < 3 * np.sqrt(expected * (1 - expected) / len(part))
 
 
+@pytest.mark.parametrize("sheets", [2, 4])
+def test_sheets_in_one_place_multiply(sheets):
+    # Sheets of opacity .3 that lie on one another. Exact answer: .7 to their number, as if they did not; when rays went
+    # on behind the first, they missed the others.
+    geometry = Geometry(stack((*np.zeros(sheets), 1), 0.3))
+    origins, directions = rays(1 << 15)
+    through = geometry.visibility.hits(origins, directions).triangle >= 2 * sheets
+    free = ~geometry.visibility.occluded(origins, directions, np.full(len(origins), 1.8, np.float32))
+    expected = 0.7**sheets
+    for part in (through, free):
+        assert abs(part.mean() - expected) < 3 * np.sqrt(expected * (1 - expected) / len(part))
+
+
+def test_a_hole_in_a_decal_shows_the_wall_that_it_lies_on():
+    # A sheet with a hole on its right half, exactly on the lid. Exact answer: no ray gets past both.
+    geometry = Geometry(stack((1, 1), 1.0, LEFT))
+    origins, directions = rays()
+    hits = geometry.visibility.hits(origins, directions)
+    assert np.allclose(hits.distance, 1.5, atol=1e-5)
+    hole = (origins[:, 0] > 0.02) & (origins[:, 0] < 0.48)
+    assert (hits.triangle[hole] >= 2).all()
+    assert geometry.visibility.occluded(origins, directions, np.full(len(origins), 3, np.float32)).all()
+
+
+def test_what_lies_together_is_in_layers_of_its_own():
+    # Squares at heights 0, 0, .5, .5, .5 and a solid lid at .5. Exact answer: of sheets at one height no two share a
+    # layer, and none at the lid's is in the layer of the lid. Halves of one square share an edge alone, and no place.
+    scene = stack((0, 0, 0.5, 0.5, 0.5, 0.5), 0.5)
+    geometry = Geometry(scene)
+    layer = sheet_layers(geometry.corners, geometry.offset, np.arange(12) < 10).reshape(6, 2)
+    for half in layer.T:
+        assert sorted(half[:2]) == [0, 1]
+        assert sorted(half[2:5]) == [1, 2, 3]
+        assert half[5] == 0
+
+
+def test_sheets_beyond_the_last_layer_stay_together_in_it():
+    scene = stack((*np.zeros(2 * MOST_LAYERS), 1), 0.5)
+    geometry = Geometry(scene)
+    layer = sheet_layers(geometry.corners, geometry.offset, np.arange(len(geometry.corners)) < 4 * MOST_LAYERS)
+    assert layer.max() == MOST_LAYERS - 1
+    assert geometry.visibility.hits(*rays(64)).triangle.min() >= 0
+
+
 def test_shadow_rays_and_hits_agree_ray_by_ray():
     # Sheets of opacity .5. Exact answer: what stops a ray before the lid stops its shadow ray too.
-    geometry = Geometry(stack((0, 0.25, 0.5, 1), 0.5))
+    geometry = Geometry(stack((0, 0.25, 0.25, 0.5, 1), 0.5))
     origins, directions = rays()
-    met = geometry.visibility.hits(origins, directions).triangle < 6
+    met = geometry.visibility.hits(origins, directions).triangle < 8
     assert np.array_equal(met, geometry.visibility.occluded(origins, directions, np.full(len(met), 1.8, np.float32)))
 
 
