@@ -16,6 +16,9 @@ Int = NDArray[np.integer[Any]]
 
 # Part of its diagonal that the box around a closed surface is widened by: a point on the surface counts as inside.
 BOX_MARGIN = 1e-3
+# A closed surface holds at least this part of the cube over its diagonal: a sheet and its copy that faces the other way
+# hold nothing.
+LEAST_VOLUME = 1e-8
 
 
 @dataclass(frozen=True, eq=False)
@@ -25,20 +28,26 @@ class Islands:
     Attributes
     ----------
     label : (t,) int, piece of each triangle.
-    closed : (pieces,) bool, whether every edge joins two triangles that turn the same way, as around a solid.
+    closed : (pieces,) bool, whether every edge joins as many triangles that run along it one way as the other, as
+        around a solid.
     inverted : (t,) bool, triangles of closed pieces that face inward.
+    solid : (t,) bool, triangles of closed pieces that face outward and have an inside.
     box : (pieces, 2, 3) float64 lowest and highest corners.
     """
 
     label: Int
     closed: NDArray[np.bool_]
     inverted: NDArray[np.bool_]
+    solid: NDArray[np.bool_]
     box: Float
 
     @classmethod
-    def of(cls, corners: Float) -> Islands:
-        """Of (t, 3, 3) triangles."""
+    def of(cls, corners: Float, apart: Int | None = None) -> Islands:
+        """Of (t, 3, 3) triangles; those of different `apart` (t,) never hang together, wherever they touch."""
         corner = weld(corners.reshape(-1, 3)).reshape(-1, 3)
+        if apart is not None:
+            corner = corner + (int(corner.max(initial=0)) + 1) * np.asarray(apart, np.int64)[:, None]
+            corner = np.unique(corner, return_inverse=True)[1].reshape(-1, 3)
         first, second, _, _ = shared_edges(corner)
         label = components(len(corners), first, second)
         count = int(label.max()) + 1
@@ -52,12 +61,8 @@ class Islands:
         starts = np.searchsorted(label[order], np.arange(count))
         box[:, 0] = np.minimum.reduceat(corners.min(axis=1)[order], starts)
         box[:, 1] = np.maximum.reduceat(corners.max(axis=1)[order], starts)
-        return cls(label, closed, (closed & (volume < 0))[label], box)
-
-    @property
-    def solid(self) -> NDArray[np.bool_]:
-        """(t,) bool, triangles of closed pieces that face outward."""
-        return np.asarray(self.closed[self.label] & ~self.inverted)
+        least = 6 * LEAST_VOLUME * np.linalg.norm(box[:, 1] - box[:, 0], axis=1) ** 3
+        return cls(label, closed, (closed & (volume < 0))[label], (closed & (volume > least))[label], box)
 
     def box_around(self, rows: Int) -> Float | None:
         """(2, 3) box around the closed pieces that triangles `rows` are of; None if one is not closed."""
@@ -70,7 +75,7 @@ class Islands:
 
 
 def _open_edges(corner: Int) -> Int:
-    """(t,) how many sides of each triangle lack exactly one partner that runs the other way."""
+    """(t,) how many sides of each triangle run along an edge that as many do not run along the other way."""
     start, end = corner.reshape(-1).astype(np.int64), np.roll(corner, -1, axis=1).reshape(-1).astype(np.int64)
     nodes = int(corner.max()) + 1
     forward, backward = start * nodes + end, end * nodes + start
@@ -78,4 +83,4 @@ def _open_edges(corner: Int) -> Int:
     own = counts[np.searchsorted(keys, forward)]
     at = np.minimum(np.searchsorted(keys, backward), len(keys) - 1)
     partners = np.where(keys[at] == backward, counts[at], 0)
-    return np.asarray(((own != 1) | (partners != 1) | (start == end)).reshape(-1, 3).sum(axis=1))
+    return np.asarray(((own != partners) | (start == end)).reshape(-1, 3).sum(axis=1))

@@ -46,7 +46,7 @@ def unseen(fans: Fans, geometry: Geometry, light: Float, seed: int, run: Run) ->
     found = np.asarray(level <= DARK * level.mean())
     if not found.any():
         return found
-    solid = Islands.of(geometry.corners).solid
+    solid = Islands.of(geometry.corners, geometry.surface).solid
     for count in RAYS:
         rows = np.flatnonzero(found)
         run.count(len(rows) * count)
