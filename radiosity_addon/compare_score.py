@@ -24,7 +24,8 @@ class Maps:
     """One page in all its versions, row 0 at the bottom.
 
     ours, first, second : (h, w, 3) float32, radiance: our bake, and Cycles' two.
-    counted : which lumels count.
+    counted : which lumels count; not those that nobody sees, which show the light of others.
+    hidden : how many of those would have counted.
     surface : (h, w) int32, the object of each lumel, -1 for none.
     """
 
@@ -33,6 +34,7 @@ class Maps:
     first: Float
     second: Float
     counted: estimator.Counted
+    hidden: int
     surface: NDArray[np.int32]
 
     @property
@@ -65,8 +67,10 @@ def make_maps(scene: Scene, bake: Bake, halves: list[list[Float]]) -> list[Maps]
         there &= (first[..., 3] > 0) & (second[..., 3] > 0)
         whose = np.where(there, members[owner], -1)
         counted = estimator.counted_lumels(np.where(there, chart[whose], -1), first[..., :3], second[..., :3])
+        hidden = np.zeros_like(there) if lightmap.hidden is None else lightmap.hidden
         maps.append(Maps(lightmap.name, np.asarray(lightmap.pixels, np.float32), first[..., :3], second[..., :3],
-                         counted, np.where(there, surface[whose], -1).astype(np.int32)))
+                         estimator.Counted(counted.inner & ~hidden, counted.edge & ~hidden),
+                         int((counted.inner & hidden).sum()), np.where(there, surface[whose], -1).astype(np.int32)))
     return maps
 
 
@@ -102,7 +106,7 @@ def numbers(maps: list[Maps], names: list[str], seconds: float, about: dict[str,
     noise = score.noise / math.sqrt(2)
     return {
         "lumels": {"counted": score.lumels, "left_out": score.trimmed, "edge": len(edge[0]),
-                   "mean_radiance": score.mean},
+                   "hidden": sum(one.hidden for one in maps), "mean_radiance": score.mean},
         "ours": {"seconds": seconds, **_error(score), "edge_rms": edges.rms if edges else None},
         "cycles": {"seconds": cycles_seconds, "samples": 2 * about["samples"], "rms": noise, "half_rms": score.noise,
                    "bounces": about["bounces"], "bakes": 2, "edge_rms": edges.noise / math.sqrt(2) if edges else None},

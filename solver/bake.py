@@ -48,7 +48,7 @@ from .paths import Paths
 from .plan import AUDIT_LUMELS, MOST_ROW_RAYS, audit_paths, pilot_rays, plan
 from .probes import free_receivers, probes, triangle_middles
 from .quantities import encode
-from .receivers import Receivers
+from .receivers import Lumels, Receivers
 from .result import Bake, Lightmap, Solution, Stages, refuse_singular, report
 from .scene import Scene
 from .seam_samples import seam_samples
@@ -328,14 +328,16 @@ def bake(scene: Scene, settings: Settings, progress: Progress | None = None,
             shown = _shown(work, near, light)
             errors = work.errors / np.maximum(light.mean(axis=1), np.maximum(work.errors, 1e-30))
             work.run.check()
-            seams = Seams(samples, lumels, scene, values[shown], errors[shown], shown == np.arange(len(shown)))
+            own = shown == np.arange(len(shown))
+            seams = Seams(samples, lumels, scene, values[shown], errors[shown], own)
             work.run.check()
             images = finished(lumels, seams, values[shown], settings, work.run)
             layers = group_light(work.split, work.apart, settings.quantity, albedo,
                                  lambda part: finished(lumels, seams, part[shown], settings, work.run))
             placed = [(surface.name, int(page)) for surface, page in
                       zip(scene.surfaces, lumels.page_of_surface, strict=True)]
-            lightmaps = tuple(Lightmap(page.name, pixels, tuple(name for name, place in placed if place == number))
+            lightmaps = tuple(Lightmap(page.name, pixels, tuple(name for name, place in placed if place == number),
+                                       _texels(lumels, number, ~own))
                               for number, (page, pixels) in enumerate(zip(lumels.pages, images, strict=True)))
         report, patches = _reported(work, len(lumels), figures)
     return Bake(lightmaps, lumels.uv, lumels.page_of_surface, None, report, layers, patches, work.paths)
@@ -347,6 +349,14 @@ def _shown(work: _Work, near: LumelNeighbours, light: Float) -> NDArray[np.integ
         return np.arange(len(light))
     seen = ~unseen(work.fans, work.geometry, light, work.settings.seed + 13, work.run)
     return stand_ins(seen, light, near.in_chart(1), work.settings.margin)
+
+
+def _texels(lumels: Lumels, page: int, which: NDArray[np.bool_]) -> NDArray[np.bool_]:
+    """(h, w) the texels of some of the lumels (n,) on a page."""
+    image = lumels.pages[page]
+    out = np.zeros(image.width * image.height, bool)
+    out[lumels.pixel[which & (lumels.page == page)]] = True
+    return out.reshape(image.height, image.width)
 
 
 def _bake_vertices(work: _Work) -> Bake:

@@ -34,11 +34,15 @@ VERSION = "0.1.0"
 
 @dataclass(frozen=True, eq=False)
 class Lightmap:
-    """One image: name, pixels (h, w, 3) float32 whose row 0 is the bottom (v = 0), and the objects on it."""
+    """One image: name, pixels (h, w, 3) float32 whose row 0 is the bottom (v = 0), and the objects on it.
+
+    hidden : (h, w) bool, lumels that nobody sees, which show the light of others (`solver.unseen`); None: not known.
+    """
 
     name: str
     pixels: Float
     surfaces: tuple[str, ...]
+    hidden: NDArray[np.bool_] | None = None
 
 
 @dataclass(frozen=True, eq=False)

@@ -12,14 +12,18 @@ SIDE, RINGS = 64, 4
 
 
 def _floor_with(solid, margin):
-    """The lightmap (64, 64) of a floor of 4 x 4 m about the origin, with a box, under an even sky."""
+    """The light (64, 64) on a floor of 4 x 4 m about the origin, with a box, under an even sky."""
+    return _lightmap(solid, margin).pixels.mean(axis=2)
+
+
+def _lightmap(solid, margin):
     floor = quad((-2, -2, 0), (4, 0, 0), (0, 4, 0))
     uv = (floor.corners[:, :, :2] + 2) / 4
     count = len(solid.corners)
     surfaces = (Surface("floor", 0, 2, lightmap_uv=uv), Surface("box", 2, count, receives=False))
     scene = (floor + solid).scene(sky=Sky((1, 1, 1)), surfaces=surfaces)
     made = bake(scene, Settings(error=0.1, resolution=SIDE, margin=margin, uv_layer="UV", quantity="irradiance"))
-    return made.lightmaps[0].pixels.mean(axis=2)
+    return made.lightmaps[0]
 
 
 @pytest.mark.parametrize("depth", [0.0, 0.7])
@@ -27,13 +31,15 @@ def test_the_floor_inside_a_solid_shows_the_light_beside_it(depth):
     # A box of 1 x 1 m stands on the floor, or sticks in it: 16 x 16 texels that nobody sees, dark without a margin. A
     # margin grows over four rings of them, and changes no other texel.
     solid = box((-0.5, -0.5, -depth), (0.5, 0.5, 1), inward=False)
-    bare, grown = (_floor_with(solid, margin) for margin in (0, RINGS))
+    bare, grown = _floor_with(solid, 0), _lightmap(solid, RINGS)
+    hidden, grown = grown.hidden, grown.pixels.mean(axis=2)
     inside = slice(SIDE // 2 - 8, SIDE // 2 + 8)
     assert bare[inside, inside].max() <= 0.01 * bare.mean()
     changed = np.zeros((SIDE, SIDE), bool)
     changed[inside, inside] = True
     core = slice(SIDE // 2 - 8 + RINGS, SIDE // 2 + 8 - RINGS)
     changed[core, core] = False
+    assert np.array_equal(hidden, changed)
     assert np.array_equal(bare[~changed], grown[~changed])
     beside = bare[SIDE // 2, SIDE // 2 - 9]
     assert np.abs(grown[SIDE // 2, SIDE // 2 - 8:SIDE // 2 - 8 + RINGS] - beside).max() < 0.15 * beside
