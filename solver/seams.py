@@ -25,7 +25,7 @@ Int = NDArray[np.integer[Any]]
 
 # Weights of a difference across a seam, of moving a lumel, and of moving a texel of the margin: what fills the margin
 # gives way, what was baked less so.
-SEAM_WEIGHT, LUMEL_WEIGHT, MARGIN_WEIGHT = 4.0, 1.5, 0.1
+SEAM_WEIGHT, LUMEL_WEIGHT, MARGIN_WEIGHT = 4.0, 1.5, 0.05
 # A step of up to this many times the error of the light on both sides may be noise, and a lumel beside it has
 # `LUMEL_WEIGHT`. Larger ones are what lumels are too coarse for, the edge of a shadow that both charts sample in other
 # places: lumels that are moved there get wrong, so that their weight grows with the square of the step, up to so many
