@@ -25,7 +25,7 @@ from .parallel import Run
 from .quantities import encode
 from .receivers import Page, Receivers
 from .recolour import bounced_change
-from .result import Bake, Lightmap
+from .result import Bake
 from .scene import Scene
 from .seam_samples import seam_samples
 from .seams import Seams
@@ -100,7 +100,7 @@ def _with(bake: Bake, values: Sequence[Float]) -> Bake:
         fresh = iter(values)
         return replace(bake, corner_colours=tuple(
             None if colours is None else next(fresh) for colours in bake.corner_colours))
-    return replace(bake, lightmaps=tuple(Lightmap(page.name, pixels, page.surfaces)
+    return replace(bake, lightmaps=tuple(replace(page, pixels=pixels)
                                          for page, pixels in zip(bake.lightmaps, values, strict=True)))
 
 
