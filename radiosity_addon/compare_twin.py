@@ -128,7 +128,7 @@ def write_geometry(scene: Scene, bake: Bake, folder: Path) -> tuple[list[list[in
         origin=scene.origin, normals=normals[kept] if len(normals) else normals, page=page[kept], layout=layout[kept],
         group=group[kept], kind_surface=kind_surface, kind_links=kind_links,
         reflectance=np.maximum(np.asarray(scene.reflectance, np.float32)[kept], np.float32(LEAST_REFLECTANCE)),
-        uv=scene.uv[kept] if scene.uv is not None else np.zeros((len(triangles) // 3, 3, 2), np.float32),
+        uv=scene.uv[kept] if scene.uv is not None else np.zeros((int(kept.sum()), 3, 2), np.float32),
         materials=materials, material=material.reshape(-1).astype(np.int32), **textures)
     return [[lightmap.pixels.shape[1], lightmap.pixels.shape[0]] for lightmap in bake.lightmaps], int((~kept).sum())
 

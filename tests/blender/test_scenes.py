@@ -92,13 +92,16 @@ def test_a_scene_made_by_others_bakes_as_it_comes(name, tmp_path):
 
 
 def lit_on(page: np.ndarray, output: dict[str, str]) -> bool:
-    """Whether any light is where an object's corners and their middles lie on its page."""
+    """Whether any light is on an object's page, at the middles of its triangles and between these and the corners."""
     mesh = bpy.data.objects[output["object"]].data
     uv = np.empty(2 * len(mesh.loops), np.float32)
     mesh.uv_layers[output["uv_layer"]].uv.foreach_get("vector", uv)
     corners = np.empty(3 * len(mesh.loop_triangles), np.int32)
     mesh.loop_triangles.foreach_get("loops", corners)
-    middles = uv.reshape(-1, 2)[corners.reshape(-1, 3)].mean(axis=1)
+    corner = uv.reshape(-1, 2)[corners.reshape(-1, 3)]
+    # In the cornell box both middles of the floor lie under the blocks.
+    middle = corner.mean(axis=1)
+    places = np.concatenate([middle, *(0.25 * middle + 0.75 * corner[:, side] for side in range(3))])
     height, width = page.shape[:2]
-    column, row = (np.clip(middles * (width, height), 0, (width - 1, height - 1))).astype(int).T
+    column, row = (np.clip(places * (width, height), 0, (width - 1, height - 1))).astype(int).T
     return bool(page[row, column].any())
