@@ -105,18 +105,18 @@ def write_geometry(scene: Scene, bake: Bake, folder: Path) -> tuple[list[list[in
 
     Returns
     -------
-    Each page's [width, height], and how many triangles were left out (`_kept`).
+    Each page's [width, height], and how many triangles were left out (`copies`).
     """
     page, layout = layout_of(scene, bake)
-    kept = _kept(scene)
-    used, triangles = np.unique(scene.triangles[kept], return_inverse=True)
-    vertices = (scene.vertices[used] - scene.origin).astype(np.float32)
     emission = np.asarray(scene.emission, np.float32) / np.float32(np.pi)
     kind, kind_surface, kind_links = kinds(scene)
     group = (_per_triangle(scene.casts_shadow, page) + 2 * _per_triangle(scene.seen, page)
              + 4 * _per_triangle(kind[surface_of_triangle(scene)], page))
     key = np.column_stack([emission, _per_triangle(scene.opacity, page), np.asarray(scene.reflectance_texture),
                            np.asarray(scene.emission_texture), np.asarray(scene.opacity_texture), page, group])
+    kept = ~copies(scene, group)
+    used, triangles = np.unique(scene.triangles[kept], return_inverse=True)
+    vertices = (scene.vertices[used] - scene.origin).astype(np.float32)
     materials, material = np.unique(key[kept].astype(np.float32), axis=0, return_inverse=True)
     # A texture of reflectances may not be black either.
     raised = set(np.unique(np.asarray(scene.reflectance_texture)))
@@ -133,14 +133,18 @@ def write_geometry(scene: Scene, bake: Bake, folder: Path) -> tuple[list[list[in
     return [[lightmap.pixels.shape[1], lightmap.pixels.shape[0]] for lightmap in bake.lightmaps], int((~kept).sum())
 
 
-def _kept(scene: Scene) -> NDArray[np.bool_]:
-    """(t,) all but what lies exactly on another triangle, without holes and facing the same way.
+def copies(scene: Scene, group: Float) -> NDArray[np.bool_]:
+    """(t,) triangles without holes that lie exactly on another one, face the same way and look the same; `group` (t,)
+    tells their rays.
 
-    It changes no light, but in Cycles such triangles shade each other by chance, half of the light away or all of it.
+    They change no light, but in Cycles such triangles shade each other by chance, half of the light away or all of it.
     """
     first = originals(weld(scene.vertices)[scene.triangles])
+    look = np.column_stack([np.asarray(scene.reflectance), np.asarray(scene.emission),
+                            np.asarray(scene.reflectance_texture), np.asarray(scene.emission_texture), group])
     solid = (np.asarray(scene.opacity) >= 1) & (np.asarray(scene.opacity_texture) < 0)
-    return np.asarray((first == np.arange(len(first))) | ~(solid & solid[first]))
+    alike = solid & solid[first] & (look == look[first]).all(axis=1)
+    return np.asarray(alike & (first != np.arange(len(first))))
 
 
 def _per_triangle(value: Any, page: NDArray[np.int32]) -> Float:

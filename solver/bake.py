@@ -32,7 +32,7 @@ from .direct import DirectLight
 from .energy import EnergyBalance, energy_balance
 from .errors import NothingToBake
 from .fans import Fans
-from .finish import finished
+from .finish import finished, texels
 from .footprints import ReceiverFootprints
 from .gather import Gather, Look
 from .geometry import Geometry
@@ -48,7 +48,7 @@ from .paths import Paths
 from .plan import AUDIT_LUMELS, MOST_ROW_RAYS, audit_paths, pilot_rays, plan
 from .probes import free_receivers, probes, triangle_middles
 from .quantities import encode
-from .receivers import Lumels, Receivers
+from .receivers import Receivers
 from .result import Bake, Lightmap, Solution, Stages, refuse_singular, report
 from .scene import Scene
 from .seam_samples import seam_samples
@@ -58,7 +58,7 @@ from .shells import Shells
 from .sources import light_sources
 from .split import Split, group_light, split_lights
 from .transport import Transport
-from .unseen import stand_ins, unseen
+from .unseen import shown
 from .vertices import corner_receivers
 
 Float = NDArray[np.floating[Any]]
@@ -325,38 +325,22 @@ def bake(scene: Scene, settings: Settings, progress: Progress | None = None,
             albedo = work.geometry.reflectance(triangle, *lumels.receivers.barycentric.T)
             values = encode(_passes(direct, bounced, settings.passes), settings.quantity, albedo)
             light = direct + bounced
-            shown = _shown(work, near, light)
+            whose = shown(work.fans, work.geometry, near, light, settings, work.run)
             errors = work.errors / np.maximum(light.mean(axis=1), np.maximum(work.errors, 1e-30))
             work.run.check()
-            own = shown == np.arange(len(shown))
-            seams = Seams(samples, lumels, scene, values[shown], errors[shown], own)
+            own = whose == np.arange(len(whose))
+            seams = Seams(samples, lumels, scene, values[whose], errors[whose], own)
             work.run.check()
-            images = finished(lumels, seams, values[shown], settings, work.run)
+            images = finished(lumels, seams, values[whose], settings, work.run)
             layers = group_light(work.split, work.apart, settings.quantity, albedo,
-                                 lambda part: finished(lumels, seams, part[shown], settings, work.run))
+                                 lambda part: finished(lumels, seams, part[whose], settings, work.run))
             placed = [(surface.name, int(page)) for surface, page in
                       zip(scene.surfaces, lumels.page_of_surface, strict=True)]
             lightmaps = tuple(Lightmap(page.name, pixels, tuple(name for name, place in placed if place == number),
-                                       _texels(lumels, number, ~own))
+                                       texels(lumels, number, ~own))
                               for number, (page, pixels) in enumerate(zip(lumels.pages, images, strict=True)))
         report, patches = _reported(work, len(lumels), figures)
     return Bake(lightmaps, lumels.uv, lumels.page_of_surface, None, report, layers, patches, work.paths)
-
-
-def _shown(work: _Work, near: LumelNeighbours, light: Float) -> NDArray[np.integer[Any]]:
-    """(n,) the lumel whose light each one shows: its own, but where the margin grows over what nobody sees."""
-    if not work.settings.margin:
-        return np.arange(len(light))
-    seen = ~unseen(work.fans, work.geometry, light, work.settings.seed + 13, work.run)
-    return stand_ins(seen, light, near.in_chart(1), work.settings.margin)
-
-
-def _texels(lumels: Lumels, page: int, which: NDArray[np.bool_]) -> NDArray[np.bool_]:
-    """(h, w) the texels of some of the lumels (n,) on a page."""
-    image = lumels.pages[page]
-    out = np.zeros(image.width * image.height, bool)
-    out[lumels.pixel[which & (lumels.page == page)]] = True
-    return out.reshape(image.height, image.width)
 
 
 def _bake_vertices(work: _Work) -> Bake:

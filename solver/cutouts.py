@@ -9,7 +9,7 @@ Scenes without such triangles never come here.
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -37,6 +37,12 @@ class _Layer:
     def of(cls, corners: Float, triangles: Int, embree: bool) -> _Layer:
         return cls(triangles, Visibility(corners[triangles], embree))
 
+    def hits(self, origins: Float, directions: Float) -> Hits:
+        """As `Visibility.hits`, with the scene's triangles."""
+        found = self.caster.hits(origins, directions)
+        met = np.where(found.triangle >= 0, self.triangles[found.triangle], -1).astype(np.int32)
+        return replace(found, triangle=met)
+
 
 class CutoutVisibility(Visibility):
     """Rays against the scene's triangles, some of which have holes.
@@ -57,42 +63,33 @@ class CutoutVisibility(Visibility):
         super().__init__(np.where((layer > 0)[:, None, None], corners[:, :1], corners), embree)
         self._offset, self._holed, self._opacity = offset, holed, opacity
         self._solid_caster = Visibility(corners[~holed], embree)
-        self._layers = [_Layer.of(corners, np.flatnonzero(holed & (layer == number)), embree)
-                        for number in range(int(layer.max(initial=0)) + 1)]
-        self._later = Visibility(corners[layer > 0], embree)
+        self._first, *self._further = (_Layer.of(corners, np.flatnonzero(holed & (layer == number)), embree)
+                                       for number in range(int(layer.max(initial=0)) + 1))
+        self._any_further = Visibility(corners[layer > 0], embree)
 
     def hits(self, origins: Float, directions: Float) -> Hits:
         """The nearest triangle along each ray that stops it."""
-        found = self._first_stop(super().hits, None, origins, directions)
-        if len(self._layers) == 1:
-            return found
-        rows = np.flatnonzero(self._later.occluded(origins, directions, found.distance))
-        for layer in self._layers[1:]:
-            sheet = self._first_stop(layer.caster.hits, layer.triangles, origins[rows], directions[rows])
-            nearer = sheet.distance < found.distance[rows]
-            for all_rays, these in zip(found.arrays(), sheet.arrays(), strict=True):
-                all_rays[rows[nearer]] = these[nearer]
+        found = self._first_stop(super().hits, origins, directions)
+        if self._further:
+            rows = np.flatnonzero(self._any_further.occluded(origins, directions, found.distance))
+            for layer in self._further:
+                sheet = self._first_stop(layer.hits, origins[rows], directions[rows])
+                nearer = sheet.distance < found.distance[rows]
+                for all_rays, these in zip(found.arrays(), sheet.arrays(), strict=True):
+                    all_rays[rows[nearer]] = these[nearer]
         return found
 
-    def _first_stop(self, cast: Callable[[Float, Float], Hits], triangles: Int | None, origins: Float,
-                    directions: Float) -> Hits:
-        """The nearest of what a caster meets that stops each ray; `triangles` (n,) are the caster's, None: all."""
-        def met(rows: Any, start: Float) -> Hits:
-            hits = cast(origins[rows] + directions[rows] * start[:, None], directions[rows])
-            if triangles is None:
-                return hits
-            return Hits(np.where(hits.triangle >= 0, triangles[hits.triangle], -1).astype(np.int32), hits.u, hits.v,
-                        hits.distance, hits.front)
-
-        start = np.zeros(len(origins), np.float32)
-        found = Hits(*(array.copy() for array in met(slice(None), start).arrays()))
+    def _first_stop(self, cast: Callable[[Float, Float], Hits], origins: Float, directions: Float) -> Hits:
+        """The nearest of what is met that stops each ray."""
+        found = Hits(*(array.copy() for array in cast(origins, directions).arrays()))
         triangle, u, v, distance, front = found.arrays()
         rows = self._passing(triangle, u, v, np.arange(len(triangle)), origins, directions)
+        start = np.zeros(len(triangle), np.float32)
         for _ in range(MOST_SHEETS):
             if not len(rows):
                 break
             start[rows] = self._behind(triangle[rows], distance[rows])
-            further = met(rows, start[rows])
+            further = cast(origins[rows] + directions[rows] * start[rows, None], directions[rows])
             triangle[rows], u[rows], v[rows] = further.triangle, further.u, further.v
             distance[rows], front[rows] = further.distance + start[rows], further.front
             rows = self._passing(triangle, u, v, rows, origins, directions)
@@ -102,11 +99,12 @@ class CutoutVisibility(Visibility):
         """Whether anything within the distances stops the ray: (n,) bool."""
         blocked = self._solid_caster.occluded(origins, directions, distances)
         rows = np.flatnonzero(~blocked)
-        for number, layer in enumerate(self._layers):
-            if number == 1:
-                rows = rows[self._later.occluded(origins[rows], directions[rows], distances[rows])]
-            blocked[rows] = self._stopped(layer, origins[rows], directions[rows], distances[rows])
+        blocked[rows] = self._stopped(self._first, origins[rows], directions[rows], distances[rows])
+        if self._further:
             rows = rows[~blocked[rows]]
+            rows = rows[self._any_further.occluded(origins[rows], directions[rows], distances[rows])]
+            for layer in self._further:
+                blocked[rows] |= self._stopped(layer, origins[rows], directions[rows], distances[rows])
         return blocked
 
     def _stopped(self, layer: _Layer, origins: Float, directions: Float, distances: Float) -> NDArray[np.bool_]:
@@ -117,11 +115,11 @@ class CutoutVisibility(Visibility):
         for _ in range(MOST_SHEETS):
             if not len(rows):
                 break
-            met = layer.caster.hits(origins[rows] + directions[rows] * start[rows, None], directions[rows])
+            met = layer.hits(origins[rows] + directions[rows] * start[rows, None], directions[rows])
             distance = met.distance + start[rows]
             reached = (met.triangle >= 0) & (distance < distances[rows])
             rows, distance = rows[reached], distance[reached]
-            triangle = layer.triangles[met.triangle[reached]]
+            triangle = met.triangle[reached]
             stops = self._stops(triangle, met.u[reached], met.v[reached], origins[rows], directions[rows])
             blocked[rows[stops]] = True
             rows = rows[~stops]

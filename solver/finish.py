@@ -34,10 +34,16 @@ def finished(lumels: Lumels, seams: Seams, values: Float, settings: Settings,
     if settings.margin > 0:
         return images
     for index, image in enumerate(images):
-        empty = np.ones(image.shape[0] * image.shape[1], bool)
-        empty[lumels.pixel[lumels.page == index]] = False
-        image.reshape(-1, 3)[empty] = 0
+        image[~texels(lumels, index)] = 0
     return images
+
+
+def texels(lumels: Lumels, page: int, which: NDArray[np.bool_] | None = None) -> NDArray[np.bool_]:
+    """(height, width) the texels of a page that are lumels, or some of the lumels (n,)."""
+    image, here = lumels.pages[page], lumels.page == page
+    out = np.zeros(image.height * image.width, bool)
+    out[lumels.pixel[here if which is None else here & which]] = True
+    return out.reshape(image.height, image.width)
 
 
 def to_images(lumels: Lumels, values: Float, settings: Settings) -> list[Float]:
@@ -56,11 +62,8 @@ def to_images(lumels: Lumels, values: Float, settings: Settings) -> list[Float]:
     for index, page in enumerate(lumels.pages):
         here = lumels.page == index
         pixels = np.zeros((page.height * page.width, 3), np.float32)
-        covered = np.zeros(page.height * page.width, bool)
         pixels[lumels.pixel[here]] = values[here]
-        covered[lumels.pixel[here]] = True
-        shape = (page.height, page.width)
-        images.append(dilate(pixels.reshape(*shape, 3), covered.reshape(shape), settings.margin))
+        images.append(dilate(pixels.reshape(page.height, page.width, 3), texels(lumels, index), settings.margin))
     return images
 
 

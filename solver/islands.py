@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .components import components, shared_edges
+from .faces import corners_of_faces
 from .pieces import weld
 
 Float = NDArray[np.floating[Any]]
@@ -46,8 +47,7 @@ class Islands:
         """Of (t, 3, 3) triangles; those of different `apart` (t,) never hang together, wherever they touch."""
         corner = weld(corners.reshape(-1, 3)).reshape(-1, 3)
         if apart is not None:
-            corner = corner + (int(corner.max(initial=0)) + 1) * np.asarray(apart, np.int64)[:, None]
-            corner = np.unique(corner, return_inverse=True)[1].reshape(-1, 3)
+            corner = corners_of_faces(np.asarray(apart, np.int64), corner)
         first, second, _, _ = shared_edges(corner)
         label = components(len(corners), first, second)
         count = int(label.max()) + 1

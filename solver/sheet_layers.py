@@ -76,7 +76,7 @@ def _pairs(corners: Float, offset: Float, sheets: Int, among: Int, embree: bool)
     one, other = [sheets[:0]], [sheets[:0]]
     for start in range(0, len(sheets), CHUNK_RAYS // PLACES):
         rows = sheets[start:start + CHUNK_RAYS // PLACES]
-        base, first, second = (np.asarray(corners[rows, 0]), *(corners[rows, k] - corners[rows, 0] for k in (1, 2)))
+        base, first, second = corners[rows, 0], *(corners[rows, side] - corners[rows, 0] for side in (1, 2))
         normal = np.cross(first, second)
         normal /= np.maximum(np.linalg.norm(normal, axis=1, keepdims=True), np.float32(1e-30))
         above = base + normal * (np.float32(REACH) * offset[rows])[:, None]

@@ -19,7 +19,9 @@ from numpy.typing import NDArray
 from .fans import Fans
 from .geometry import Geometry
 from .islands import Islands
+from .neighbours import LumelNeighbours
 from .parallel import Run, shares
+from .settings import Settings
 from .visibility import Hits, Visibility
 
 Float = NDArray[np.floating[Any]]
@@ -31,6 +33,16 @@ RAYS = (4, 32)
 # A lumel with more light than this part of the mean is seen: some rooms have walls that face outward.
 DARK = 0.03
 CHUNK_RAYS = 2**17
+
+
+def shown(fans: Fans, geometry: Geometry, near: LumelNeighbours, light: Float, settings: Settings,
+          run: Run) -> NDArray[np.integer[Any]]:
+    """(n,) the lumel whose light each one shows: its own, but where the margin grows over what nobody sees. Arguments
+    as in `unseen`; near : the lumels beside one another."""
+    if not settings.margin:
+        return np.arange(len(light))
+    seen = ~unseen(fans, geometry, light, settings.seed + 13, run)
+    return stand_ins(seen, light, near.in_chart(1), settings.margin)
 
 
 def unseen(fans: Fans, geometry: Geometry, light: Float, seed: int, run: Run) -> NDArray[np.bool_]:

@@ -17,7 +17,8 @@ import bpy
 import numpy as np
 import pytest
 from numpy.typing import NDArray
-from radiosity.solver import estimator, image_file
+from radiosity.radiosity_addon.compare_twin import copies
+from radiosity.solver import Scene, estimator, image_file
 from radiosity.tests.blender.closed_room import BAKED, BLOCK, RESOLUTION, SIDE, independent_reference, save_room
 from radiosity.tests.blender.conftest import UNIT_SQUARE
 
@@ -187,6 +188,22 @@ def test_the_operator_compares_any_scene_and_leaves_it_as_it_was(build, tmp_path
     assert abs(told["comparison"]["ours"]["bias"]) < 0.03
     # The lamp for the dome is a small part of all; with the veil's shade in one of the bakes this is .19.
     assert of_object["Sphere"] < 0.05
+
+
+def test_only_what_changes_no_light_is_a_copy():
+    # A square, and on it: one like it, one that shines, one of another colour, one with holes, one that faces the other
+    # way, one whose shadow is of another kind. Exact answer: the second alone is a copy.
+    square = np.array([(0, 0, 0), (1, 0, 0), (1, 1, 0), (0, 1, 0)], float)
+    ways = [[(0, 1, 2), (0, 2, 3)]] * 5 + [[(0, 2, 1), (0, 3, 2)]] + [[(0, 1, 2), (0, 2, 3)]]
+    triangles = np.concatenate([np.array(way) + 4 * index for index, way in enumerate(ways)])
+
+    def each(*values: float) -> Any:
+        return np.repeat(values, 2)
+
+    scene = Scene(np.tile(square, (7, 1)), triangles, opacity=each(1, 1, 1, 1, 0.5, 1, 1),
+                  emission=each(0, 0, 1, 0, 0, 0, 0)[:, None] * np.ones(3),
+                  reflectance=each(0.5, 0.5, 0.5, 0.6, 0.5, 0.5, 0.5)[:, None] * np.ones(3))
+    assert copies(scene, each(0, 0, 0, 0, 0, 0, 1)).tolist() == each(0, 1, 0, 0, 0, 0, 0).astype(bool).tolist()
 
 
 def linked_to(*names: str) -> Any:
