@@ -207,12 +207,18 @@ def _speckle_factors(error: Float, wanted: float, most: Float) -> Float:
 
 
 def _factors(error: Float, wanted: float, most: Float) -> Float:
-    """By which power of two to multiply each receiver's rays, so that the mean of the errors becomes `wanted`."""
+    """By which power of two to multiply each receiver's rays, so that the mean of the errors becomes `wanted`.
+
+    Where that is out of reach, it becomes so without the receivers that have the most rays by then: no number of rays
+    for all the others makes up for these.
+    """
+    reached = bool((error * most**-RATE).mean() <= wanted)
     low, high = 1e-3, 1e6
     for _ in range(60):
         middle = np.sqrt(low * high)
         factor = np.clip(middle * (error / wanted) ** (1 / (1 + RATE)), 1, most)
-        if (error * factor**-RATE).mean() > wanted:
+        left = error * factor**-RATE
+        if (left if reached else left * (factor < most)).mean() > wanted:
             low = middle
         else:
             high = middle

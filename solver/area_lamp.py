@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from . import cap
 from .lamp_checks import put, spectrum, vector, within
 from .lights import LightSample, aimed, dot
+from .panel_draw import PanelDraw
 from .polygon import polygon_form_factor
 from .sampling import combined
 
@@ -106,7 +107,12 @@ class Area:
         return factor
 
     def sample(self, points: Float, normals: Float, uv: Float) -> LightSample:
-        """Points spread evenly over the lamp, or over the part of its plane that the spread lets a receiver see."""
+        """Points spread over the lamp, or over the part of its plane that the spread lets a receiver see."""
+        if not self.round and self.spread == np.pi and self.area > 0:
+            corner = self.centre - (self.axis_u + self.axis_v) / 2
+            draw = PanelDraw(corner[None], self.axis_u[None], self.axis_v[None], np.ones(1, bool))
+            near, scale = draw.targets(points, np.zeros(len(points), np.intp), uv[:, 0], uv[:, 1])
+            return aimed(points, normals, near, self.normal.astype(np.float32), False, scale)
         across = np.stack(cap.disc(uv), axis=1) / 2 if self.round else uv - np.float32(0.5)
         axes = np.stack([self.axis_u, self.axis_v]).astype(np.float32)
         target = self.centre.astype(np.float32) + combined(across, axes)

@@ -18,6 +18,7 @@ from .lamps import Point, View
 from .lights import Light, LightSample, aimed, inside_box
 from .linking import links_of, without_links
 from .mesh_emitter import CLOSED_FORM_TRIANGLES, MeshEmitter
+from .panel_draw import PanelDraw
 from .polygon import Shapes, indexed_form_factor
 
 Float = NDArray[np.floating[Any]]
@@ -119,9 +120,8 @@ class FlatBank:
             np.concatenate([part[column] for part in parts]) for column in range(7))
         self._count = np.array([len(part[0]) for part in parts])
         self._first = np.cumsum(self._count) - self._count
-        self._corner, self._one, self._other, self._normal = (
-            np.asarray(array, np.float32) for array in (corner, first, second, normal))
-        self._square, self._all_square = square, bool(square.all())
+        self._normal = np.asarray(normal, np.float32)
+        self._draw = PanelDraw(corner, first, second, square)
         lamp = np.repeat(np.arange(len(lights)), self._count)
         # Lamp k's panels share the numbers from k to k + 1 by their flux.
         self._limit = limit + lamp
@@ -161,15 +161,10 @@ class FlatBank:
         piece = np.searchsorted(self._limit, at, side="right")
         low = np.where(piece > self._first[lamp], self._limit[piece - 1], lamp)
         width = np.maximum(self._limit[piece] - low, np.finfo(np.float64).tiny)
-        u, v = np.clip((at - low) / width, 0, 1).astype(np.float32), uv[:, 1]
-        if not self._all_square:
-            square, root = self._square[piece], np.sqrt(u)
-            u, v = np.where(square, u, 1 - root), np.where(square, v, root * v)
-        target, one, other, normal = (np.take(array, piece, axis=0) for array in (
-            self._corner, self._one, self._other, self._normal))
-        target += one * u[:, None]
-        target += other * v[:, None]
-        return aimed(points, normals, target, normal, self._sees_backs(points, lamp))
+        u = np.clip((at - low) / width, 0, 1).astype(np.float32)
+        target, scale = self._draw.targets(points, piece, u, uv[:, 1])
+        normal = np.take(self._normal, piece, axis=0)
+        return aimed(points, normals, target, normal, self._sees_backs(points, lamp), scale)
 
 
 def _pieces(light: MeshEmitter | Area) -> tuple[NDArray[Any], ...]:

@@ -157,7 +157,8 @@ class Gather:
             if self.transport.keeper is not None:
                 for rays in traced:
                     self.transport.keeper.take(rays.look, rays.lit, rays.trail)
-            for (look, _), light in zip(pieces[part], run.map(self._collect, traced), strict=True):
+            collect = partial(self._collect, shining=self._shining())
+            for (look, _), light in zip(pieces[part], run.map(collect, traced), strict=True):
                 found[look].append(light)
             run.report((number + 1) / len(passes))
         return [np.concatenate(parts) for parts in found]
@@ -165,7 +166,7 @@ class Gather:
     def _trace(self, fans: Fans, look: Look) -> _Rays:
         origins, directions, lit = fans.rays(look.rows, look.count, look.seed, look.start)
         met = self.transport.trace(origins, directions)
-        fresh = met.fresh()
+        fresh = met.fresh(directions, self.transport.geometry.normal)
         nothing = np.empty((0, 4), np.float32)
         return _Rays(look, fresh, self._mean_sky(met, look, lit), lit, np.arange(len(met.sides)), met,
                      nothing, nothing)
@@ -183,14 +184,18 @@ class Gather:
         high = np.flatnonzero(brightness > self._peak)
         return high, np.asarray(1 - self._peak / brightness[high], np.float32)
 
-    def _collect(self, rays: _Rays) -> Float:
+    def _shining(self) -> list[Float | None]:
+        """(cells + 1, 4) what the cells emit, of all light and of each light group; None for nothing."""
+        split = self.transport.split
+        groups = range(0 if split is None else len(split))
+        return [self.transport.emission(), *(self.transport.emission_of(group) for group in groups)]
+
+    def _collect(self, rays: _Rays, shining: Sequence[Float | None]) -> Float:
         """(n, 2, 6 + 3 g), see `light`."""
         rays.high, rays.over = self._peaks(rays.value)
         total = self._mean(rays.value, rays)
-        emission = self.transport.emission()
-        split = self.transport.split
-        groups = range(len(split) if split is not None else 0)
-        apart = [self._of_group(rays, group) for group in groups]
+        emission, *of_groups = shining
+        apart = [self._of_group(rays, group, own) for group, own in enumerate(of_groups)]
         if emission is None:
             parts = [rays.sky, total, *apart]
         else:
@@ -207,11 +212,10 @@ class Gather:
         peaks = _mean_of(values[rays.high, :3] * rays.over[:, None], rays.high, rays.look)
         return np.stack([mean - peaks, peaks])
 
-    def _of_group(self, rays: _Rays, group: int) -> Float:
-        """(2, n, 3) what is wanted of a light group's irradiance."""
+    def _of_group(self, rays: _Rays, group: int, emission: Float | None) -> Float:
+        """(2, n, 3) what is wanted of a light group's irradiance; `emission` (cells + 1, 4) is its own."""
         split = self.transport.split
         assert split is not None
-        emission = self.transport.emission_of(group)
         first = split.white(group, rays.sky) if group == split.sky_group else np.zeros_like(rays.sky)
         if split.passes == "both":
             return first + self._brought(rays, group)
@@ -299,7 +303,7 @@ class _Step:
         u, v = shifts(self._identity(rays, rays.going), 2, rays.look.seed + 5 + self._bounce).T
         directions = cosine_directions(normal, u[:, None], v[:, None])[:, 0]
         rays.met = self._transport.trace(start, directions, ~front)
-        rays.fresh = rays.met.fresh()
+        rays.fresh = rays.met.fresh(directions, geometry.normal)
         missed = rays.met.missed
         rays.value[rays.going[missed], :3] += rays.carried[missed] * rays.met.sky
 

@@ -19,6 +19,8 @@ Float = NDArray[np.floating[Any]]
 
 # Bounces of a path.
 BOUNCES = 4
+# What is usual is no less than this part of what a quarter of the rays that meet fronts exceed.
+NOOKS = 0.12
 
 
 @dataclass(frozen=True, eq=False)
@@ -27,7 +29,7 @@ class Importance:
 
     spots, weight, seen_from : where they met a surface, what each matters (m,), and the distance it was seen from (m,)
         metres; the first `first` are those of the paths' first hits.
-    distance : the median of the first hits', metres.
+    distance : the usual one of the first hits (see `_usual`), metres.
     paths : how many paths there were.
     straight, bounced : mean irradiance of the receivers from sky and emissive surfaces, straight and over other
         surfaces, W/m2 (mean of the channels).
@@ -72,7 +74,7 @@ def look_around(geometry: Geometry, places: Footprints, lamp: NDArray[np.bool_],
         if not len(met):
             break
         if bounce == 0:
-            distance = float(np.median(hits.distance[met]))
+            distance = _usual(hits.distance[met], hits.front[met])
         triangle, front = hits.triangle[met], hits.front[met]
         emission = geometry.emission(triangle, hits.u[met], hits.v[met]).mean(axis=1)
         glow[bounce] = float((weight[met] * np.where(lamp[triangle], 0, emission)).sum())
@@ -95,3 +97,10 @@ def look_around(geometry: Geometry, places: Footprints, lamp: NDArray[np.bool_],
         return Importance(None, nothing, nothing, 0, extent, len(rows), straight, bounced, glowing)
     return Importance(Spots.join(found), np.concatenate(weights), np.concatenate(distances), len(weights[0]), distance,
                       len(rows), straight, bounced, glowing)
+
+
+def _usual(distance: Float, front: NDArray[np.bool_]) -> float:
+    """The median; but where most receivers lie in nooks, these do not decide for the others: little light gets there,
+    so that errors are small too."""
+    seen = distance[front]
+    return float(max(np.median(distance), NOOKS * np.quantile(seen, 0.75) if len(seen) else 0))

@@ -67,12 +67,13 @@ class Light(Protocol):
         ...
 
 
-def aimed(points: Float, normals: Float, target: Float, facing: Float,
-          two_sided: bool | NDArray[np.bool_]) -> LightSample:
+def aimed(points: Float, normals: Float, target: Float, facing: Float, two_sided: bool | NDArray[np.bool_],
+          scale: Float | None = None) -> LightSample:
     """Shadow rays to points of a flat source, weighted by cos cos' / distance^2.
 
     points, normals, target : (n, 3) float32; facing : (n, 3) or (3,) float32 unit, where the source shines;
-    two_sided : whether it shines backwards too, for all or for each (n,).
+    two_sided : whether it shines backwards too, for all or for each (n,); scale : (n,) even density of points over
+    theirs, None for 1.
     """
     towards = target - points
     squared = np.maximum(dot(towards, towards), np.float32(NEAREST**2))
@@ -81,6 +82,8 @@ def aimed(points: Float, normals: Float, target: Float, facing: Float,
     leaving = -dot(direction, facing)
     leaving = np.where(two_sided, np.abs(leaving), np.maximum(leaving, 0))
     weight = np.maximum(dot(direction, normals), 0) * leaving / squared
+    if scale is not None:
+        weight *= scale
     return LightSample(direction, distance, np.asarray(weight))
 
 

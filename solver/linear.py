@@ -24,6 +24,9 @@ RESTART = 30
 MOST_PRODUCTS = 300
 # A residual that a whole restart did not bring below this part of its start has stalled: the system is singular.
 STALL = 0.9
+# A whole restart that does not bring the residual below this part of its start is not worth another, once it is good
+# enough: what is left is the light of gaps between white surfaces, each a mode of its own.
+SLOW = 0.3
 # Products are float32, so that no residual falls below some units in their last place of the solution's norm (measured
 # for closed rooms of reflectance .99 to .9999, whose light is 100 to 10,000 times the direct: .8e-7 to 1.8e-7 with one
 # build of NumPy, up to 4.7e-7 with another, which adds in another order). A stall there is no failure.
@@ -85,7 +88,7 @@ def solve_linear(apply: Callable[[Float], Float], right: Float, tolerance: float
         residual = b - operator(x)
         now = _norm(residual) / norm
         residuals.append(now)
-        if now <= tolerance * 1.01:
+        if now <= tolerance * 1.01 or SLOW * start < now <= GOOD_ENOUGH:
             outcome = "converged"
             break
         if now > STALL * start:

@@ -109,7 +109,7 @@ def _assemble(scene: Scene, layout: Layout, covers: list[Coverage], chart: NDArr
             triangle[to] = own = cover.owner[part]
             texel[to] = centre = np.stack([part % page.width, part // page.width], axis=1)
             texels = to_texels(layout_uv[own], page.width, page.height)
-            weight, footprint[to] = _barycentric(texels, centre)
+            weight, footprint[to] = barycentric_at(texels, centre)
             barycentric[to] = weight
             position[to], normal[to] = place(scene, own, weight)
         start += len(pixel)
@@ -118,7 +118,7 @@ def _assemble(scene: Scene, layout: Layout, covers: list[Coverage], chart: NDArr
                   chart[triangle], layout.pages, layout.page_of_surface, layout.uv, chart)
 
 
-def _barycentric(corner: Float, point: Float) -> tuple[Float, Float]:
+def barycentric_at(corner: Float, point: Float) -> tuple[Float, Float]:
     """Weights of corners 1 and 2 at a point of the layout, and their change by one texel to the right and up.
 
     Parameters

@@ -16,6 +16,7 @@ from .errors import SceneError
 from .islands import Islands
 from .lamp_checks import put
 from .lights import LightSample, aimed, inside_box
+from .panel_draw import PanelDraw
 from .panels import Panels, panels, partners
 from .polygon import Sides, polygons_form_factor
 
@@ -118,12 +119,8 @@ class MeshEmitter:
         else:
             chosen, u = pieces.choose(uv[:, 0])
             v = uv[:, 1]
-        first, second = pieces.spread(chosen, u, v)
-        target, one, other, normal = (np.take(array, chosen, axis=0) for array in (
-            pieces.corner, pieces.first, pieces.second, pieces.normal))
-        target += one * first[:, None]
-        target += other * second[:, None]
-        return aimed(points, normals, target, normal, self._sees_backs(points))
+        target, scale = pieces.draw.targets(points, chosen, u, v)
+        return aimed(points, normals, target, np.take(pieces.normal, chosen, axis=0), self._sees_backs(points), scale)
 
     def pieces(self) -> tuple[NDArray[Any], ...]:
         """Corner, two sides and normal (k, 3) of its flat pieces; whether each is a parallelogram, the upper limit of
@@ -145,7 +142,7 @@ class MeshEmitter:
 class _Pieces:
     """Panels as sampling reads them, float32: a corner and the two sides from it, unit normals, (k, 3) each; whether
     they are parallelograms (k,); upper limits (k,) of their shares of the flux; one triangle of each (k,); chromaticity
-    and colour (3,) of the group; and for the closed form outlines, with the exitance (k, 1) of each."""
+    and colour (3,) of the group; for the closed form outlines, with the exitance (k, 1) of each; where samples go."""
 
     corner: Float
     first: Float
@@ -157,6 +154,7 @@ class _Pieces:
     chromaticity: Float
     colour: Float
     polygons: list[tuple[Float, Float]]
+    draw: PanelDraw
 
     @classmethod
     def of(cls, flat: Panels, radiance: Float) -> _Pieces:
@@ -174,7 +172,8 @@ class _Pieces:
             rows, outlines = flat.outlines(square)
             if len(rows):
                 polygons.append((outlines, radiance[rows].sum(axis=1, keepdims=True) * np.pi))
-        return cls(corner, first, second, normal, flat.square, limit, flat.triangle, chromaticity, colour, polygons)
+        return cls(corner, first, second, normal, flat.square, limit, flat.triangle, chromaticity, colour, polygons,
+                   PanelDraw(flat.corner, flat.first, flat.second, flat.square))
 
     def choose(self, u: Float) -> tuple[NDArray[np.intp], Float]:
         """Panel for each u in [0, 1), and where in the panel's share u lies, in [0, 1]."""
@@ -182,14 +181,6 @@ class _Pieces:
         chosen = np.minimum(np.searchsorted(self.limit, u, side="right"), last)
         low = np.where(chosen > 0, self.limit[chosen - 1], 0)
         return chosen, np.clip((u - low) / np.maximum(self.limit[chosen] - low, np.finfo(np.float32).tiny), 0, 1)
-
-    def spread(self, chosen: Int, u: Float, v: Float) -> tuple[Float, Float]:
-        """How far along the two sides a sample lies, evenly over the panel: (n,) each."""
-        if self.square.all():
-            return u, v
-        root = np.sqrt(u)
-        square = self.square[chosen]
-        return np.where(square, u, 1 - root), np.where(square, v, root * v)
 
 
 def group_emitters(

@@ -75,17 +75,8 @@ def _doubled(scene: Scene, surface: Int) -> tuple[Int, NDArray[np.int32]]:
     rows = np.flatnonzero(geometry.area > 0)
     rows = rows[np.linspace(0, len(rows) - 1, min(len(rows), MOST_PROBES)).astype(np.int64)] if len(rows) else rows
     third = np.full(len(rows), 1 / 3, np.float32)
-    middle, normal = geometry.point(rows, third, third), geometry.normal[rows]
-    reach = REACH * geometry.offset[rows]
-    on_it = np.full(len(rows), -1, np.int64)
-    # The first face that a ray meets may be the triangle itself: from above and from below one of the two is another.
-    for way in (-1.0, 1.0):
-        hits = geometry.visibility.hits(middle - way * normal * reach[:, None], way * normal)
-        met = np.maximum(hits.triangle, 0)
-        found = (hits.triangle >= 0) & (hits.triangle != rows) & (hits.distance < 2 * reach)
-        found &= np.einsum("ij,ij->i", geometry.normal[met], normal) > ALIKE
-        on_it = np.where(found, met, on_it)
-    doubled = np.flatnonzero(on_it >= 0)
+    on_it, facing = lying_on(geometry, rows, geometry.point(rows, third, third))
+    doubled = np.flatnonzero((on_it >= 0) & (facing > ALIKE))
     one, other = _copies(scene)
     pair = np.stack([np.append(rows[doubled], one), np.append(on_it[doubled], other)], axis=1)
     pair = pair[np.unique(pair[:, 0], return_index=True)[1]]
@@ -95,6 +86,22 @@ def _doubled(scene: Scene, surface: Int) -> tuple[Int, NDArray[np.int32]]:
     for index in np.argsort(times, kind="stable"):
         partner[pairs[index, 0]] = pairs[index, 1]
     return np.bincount(owners, minlength=count), partner
+
+
+def lying_on(geometry: Geometry, triangle: Int, points: Float) -> tuple[Int, Float]:
+    """Where points (n, 3) of triangles (n,) lie on another one: that one (n,), -1 for none, and the cosine (n,) between
+    the two. Of two in one place, the one that faces the same way is told."""
+    normal = geometry.normal[triangle]
+    reach = REACH * geometry.offset[triangle]
+    on_it, facing = np.full(len(triangle), -1, np.int64), np.full(len(triangle), -np.inf, np.float32)
+    # The first face that a ray meets may be the triangle itself: from above and from below one of the two is another.
+    for way in (-1.0, 1.0):
+        hits = geometry.visibility.hits(points - way * normal * reach[:, None], way * normal)
+        met = np.maximum(hits.triangle, 0)
+        cosine = np.einsum("ij,ij->i", geometry.normal[met], normal)
+        found = (hits.triangle >= 0) & (hits.triangle != triangle) & (hits.distance < 2 * reach) & (cosine > facing)
+        on_it, facing = np.where(found, met, on_it), np.where(found, cosine, facing)
+    return on_it, facing
 
 
 def _copies(scene: Scene) -> tuple[Int, Int]:

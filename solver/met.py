@@ -28,9 +28,17 @@ class Met:
     missed: Int
     sky: Float
 
-    def fresh(self) -> Seen:
-        """Where cells that had no row were met: a few points of each."""
-        return self.at(self._unknown())
+    def fresh(self, directions: Float, normal: Float) -> Seen:
+        """Where cells that had no row were met: a few points of each.
+
+        Parameters
+        ----------
+        directions : (n, 3) of the rays.
+        normal : (t, 3) of the triangles.
+        """
+        rays = self._unknown()
+        cosine = np.einsum("ij,ij->i", directions[rays], np.take(normal, self.hits.triangle[rays], axis=0))
+        return self._seen(rays, self.hits.distance[rays] * np.abs(cosine))
 
     def rows(self, cells: Cells) -> NDArray[np.int32]:
         """The rows that the cells have by now."""
@@ -47,7 +55,10 @@ class Met:
 
     def at(self, rays: Int) -> Seen:
         """Where some of the rays met cells: a few points of each."""
-        return Seen(self.sides[rays], self.hits.u[rays], self.hits.v[rays]).few()
+        return self._seen(rays, np.full(len(rays), np.inf, np.float32))
+
+    def _seen(self, rays: Int, height: Float) -> Seen:
+        return Seen(self.sides[rays], self.hits.u[rays], self.hits.v[rays], height).few()
 
     def where_above(self, directions: Float, normals: Float) -> Met:
         """Without what came from under the surfaces (n, 3) that rays started on: a shading normal may lead there."""

@@ -164,7 +164,7 @@ class MetCells:
         every = np.repeat(sides, WHOLE_POINTS)
         x, y = (shifted(points[:, axis], move[:, axis]).reshape(-1) for axis in (0, 1))
         _, u, v, _ = self.cells.places(every, x, y)
-        return self.meet([Seen(every, u, v)])
+        return self.meet([Seen(every, u, v, np.full(len(u), np.inf, np.float32))])
 
     def _leaving(self, sides: NDArray[np.int64], reflectance: Float, incident: Float, emission: Float) -> Float:
         """Radiosity that does not come from patches, of all light and of every group."""

@@ -26,29 +26,35 @@ Int = NDArray[np.integer[Any]]
 CHUNK_POINTS, LEAST_POINTS = 2**15, 2**12
 # Points of a cell that are kept.
 PLACES = 4
+# A cell that was seen from nowhere higher than this part of its width lies in a gap, and its highest point stands for
+# it alone: light at its other points, out in the open perhaps, would go round in the gap that rows find closed.
+LOW = 0.03
 # Bits of a cell's side (of `cells.MAX_SIDES` and HELD times as many) in a key to sort by; the others are random.
 SIDE_BITS = 37
 
 
 @dataclass(frozen=True, eq=False)
 class Seen:
-    """Points of cells that rays met: side (n,) int64 of each cell, u and v (n,) float32 in its triangle."""
+    """Points of cells that rays met: side (n,) int64 of each cell, u and v (n,) float32 in its triangle, and from how
+    high (n,) float32 above it, metres."""
 
     side: NDArray[np.int64]
     u: Float
     v: Float
+    height: Float
 
     def take(self, index: NDArray[Any]) -> Seen:
         """Some of them."""
-        return Seen(self.side[index], self.u[index], self.v[index])
+        return Seen(self.side[index], self.u[index], self.v[index], self.height[index])
 
     @classmethod
     def join(cls, some: Sequence[Seen]) -> Seen:
         """All of some."""
-        return cls(*(np.concatenate([getattr(one, name) for one in some]) for name in ("side", "u", "v")))
+        return cls(*(np.concatenate([getattr(one, name) for one in some]) for name in ("side", "u", "v", "height")))
 
     def few(self) -> Seen:
-        """At most PLACES of each cell, drawn by where they lie; ordered by cell.
+        """At most PLACES of each cell, drawn by where they lie; ordered by cell, the one that was seen from the highest
+        first.
 
         A few of a few are the few of all: however rays are cut into chunks, the same points are kept.
         """
@@ -66,7 +72,14 @@ class Seen:
         count = np.diff(first, append=len(side))
         kept = np.minimum(count, PLACES)
         turn = np.arange(kept.sum()) - np.repeat(np.cumsum(kept) - kept, kept)
-        return self.take(order[np.repeat(first, kept) + turn])
+        few = order[np.repeat(first, kept) + turn]
+        ends = np.cumsum(kept)
+        highest = np.repeat(np.maximum.reduceat(self.height[few], ends - kept), kept) if len(few) else self.height[few]
+        there = np.flatnonzero(self.height[few] == highest)[::-1]
+        best = np.empty(len(kept), np.int64)
+        best[np.repeat(np.arange(len(kept)), kept)[there]] = there  # the first of several is written last
+        few[ends - kept], few[best] = few[best], few[ends - kept]
+        return self.take(few)
 
 
 class SeenFootprints(EachPoint):
@@ -84,14 +97,21 @@ class SeenFootprints(EachPoint):
     """
 
     def __init__(self, geometry: Geometry, cells: Cells, seen: Seen, run: Run) -> None:
-        self._geometry, self._seen, self._run = geometry, seen, run
         self.first = np.flatnonzero(np.diff(seen.side, prepend=-1))
-        self.count = np.diff(self.first, append=len(seen.side))
         self.identity = seen.side[self.first]
         self.triangle = cells.triangle_of(self.identity)
         self.front = (self.identity & 1).astype(bool)
+        share = cells.share(self.identity, self.triangle)
+        width = np.sqrt(2 * np.take(geometry.area, self.triangle) * share)
+        low = np.repeat(seen.height[self.first] < LOW * width, np.diff(self.first, append=len(seen.side)))
+        low[self.first] = False
+        if low.any():
+            seen = seen.take(~low)
+            self.first = np.flatnonzero(np.diff(seen.side, prepend=-1))
+        self._geometry, self._seen, self._run = geometry, seen, run
+        self.count = np.diff(self.first, append=len(seen.side))
         self._triangle, self._front = np.repeat(self.triangle, self.count), np.repeat(self.front, self.count)
-        self._share = np.repeat(cells.share(self.identity, self.triangle), self.count)
+        self._share = np.repeat(share, self.count)
         parts = run.map(self._settle, shares(len(seen.side), CHUNK_POINTS, LEAST_POINTS))
         self.start, self.normal = (np.concatenate([part[column] for part in parts]) for column in (0, 1))
 

@@ -273,7 +273,7 @@ class Transport:
         sky[met.missed] = met.sky
         eighth = self.patches.part(points3, np.repeat(patches[part], rays))
         return (met.sides.reshape(-1, rays), sky.reshape(-1, rays, 3), eighth.reshape(-1, rays),
-                met.fresh())
+                met.fresh(directions, self.geometry.normal))
 
     # --- solve ---------------------------------------------------------------------------------------------------
     def discover(self, rays: int) -> None:

@@ -56,6 +56,18 @@ def test_even_noise_is_answered_by_the_law_of_quasi_random_rays():
     assert (_factors(np.full(100, 8.0**RATE), 1.0, np.full(100, 32.0)) == 8).all()
 
 
+def test_what_is_out_of_reach_costs_the_others_nothing():
+    # A thousandth of the receivers errs so that even the most rays leave too much: they get these, and all others what
+    # they would get without them.
+    variance = _variance()
+    wanted = variance.mean() / 5
+    usual = _factors(variance, wanted, np.full(COUNT, 32.0))
+    variance[:5] = 1e6 * variance.mean()
+    factor = _factors(variance, wanted, np.full(COUNT, 32.0))
+    assert (factor[:5] == 32).all()
+    assert factor[5:].mean() == pytest.approx(usual[5:].mean(), rel=0.1)
+
+
 def test_no_receiver_gets_more_than_the_most():
     # A variance out of any reach: each at its own bound.
     most = np.where(np.arange(100) < 50, 4.0, 32.0)

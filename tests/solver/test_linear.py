@@ -7,7 +7,7 @@ import pytest
 from radiosity.benchmarks.linear.methods import SOLVERS
 from radiosity.benchmarks.linear.systems import cube, two_rooms
 from radiosity.solver.errors import Cancelled
-from radiosity.solver.linear import MOST_PRODUCTS, solve_linear
+from radiosity.solver.linear import GOOD_ENOUGH, MOST_PRODUCTS, solve_linear
 
 
 def _random(count, radius, seed=0):
@@ -87,6 +87,21 @@ def test_more_modes_than_a_restart_holds_are_solved_in_more_than_one():
     assert result.outcome == "converged"
     assert 30 < result.products < MOST_PRODUCTS
     assert result.value == pytest.approx(np.linalg.solve(np.eye(count) - shift, right), rel=1e-5)
+
+
+def test_many_slow_modes_with_little_in_them_are_left_once_the_rest_is_good_enough():
+    # 2,000 modes as light in gaps between white boards has them, eigenvalues out to .999 and -.999, and 3,000 usual
+    # ones: all others are right to a ten thousandth, for fewer products than the whole tolerance takes (219).
+    random = np.random.default_rng(0)
+    gap = 1 - np.geomspace(1e-3, 0.3, 1000)
+    usual = random.uniform(0, 0.6, 3000)
+    eigenvalue = np.concatenate([usual, gap, -gap])
+    right = np.concatenate([random.uniform(0.5, 1, 3000), 0.03 * random.uniform(0, 1, 2000)])
+    result = solve_linear(lambda x: eigenvalue * x, right, tolerance=1e-5)
+    assert result.outcome == "converged"
+    assert result.products < 190
+    assert result.residuals[-1] <= GOOD_ENOUGH
+    assert result.value[:3000] == pytest.approx(right[:3000] / (1 - usual), rel=1e-4)
 
 
 def test_darkness_costs_no_product():

@@ -66,7 +66,7 @@ def test_a_cell_of_many_texels_knows_its_mean_reflectance_from_one_point():
     below = (x > y + 1 / 16).reshape(-1)
     u, v = np.float32((x - y).reshape(-1)[below]), np.float32(y.reshape(-1)[below])
     sides = cells.sides(np.zeros(len(u), np.int32), u, v, np.ones(len(u), bool))
-    places = SeenFootprints(geometry, cells, Seen(sides, u, v).few(), Run(1))
+    places = SeenFootprints(geometry, cells, Seen(sides, u, v, np.ones(len(u), np.float32)).few(), Run(1))
     _, all_u, all_v, _ = cells.places(np.repeat(places.identity, 4096),
                                       *np.random.default_rng(5).random((2, 4096 * len(places))))
     exact = geometry.reflectance(np.zeros(len(all_u), int), all_u, all_v).reshape(len(places), -1, 3).mean(axis=1)
