@@ -39,6 +39,9 @@ from .warn import warn
 SEED = 0x5EED
 # Samples of each of Cycles' bakes below which they lean to the texels' centres.
 SHORT_BAKE = 64
+# Leaving the largest deviations out makes an error smaller. Where all of them together are smaller than this part of
+# the rest, they were the few lumels with the bright samples that Cycles' mean consists of.
+FIREFLIES = 0.8
 
 
 @dataclass(frozen=True)
@@ -99,8 +102,8 @@ class Comparison(Job):
         self._add_solver_warnings()
         self.progress("Cycles", 0.0)
         pages, copies = write_geometry(scene, bake, folder)
-        if copies:
-            warn(self.warnings, "", "overlapping", f"{copies} of {len(scene.triangles)} triangles lie exactly on "
+        if copies.any():
+            warn(self.warnings, "", "overlapping", f"{copies.sum()} of {len(scene.triangles)} triangles lie exactly on "
                  "others: Cycles is not given them, since it would shade both by chance, and their lumels are not "
                  "compared: merge vertices by distance (Mesh > Merge) or delete them")
         job = self._job(pages)
@@ -108,7 +111,7 @@ class Comparison(Job):
         with np.load(folder / REFERENCES) as archive:
             about = json.loads(str(archive["about"]))
             halves = [[archive[f"{half}/{page}"] for page in range(len(bake.lightmaps))] for half in range(2)]
-        maps = compare_score.make_maps(scene, bake, halves)
+        maps = compare_score.make_maps(scene, bake, halves, copies)
         try:
             numbers = compare_score.numbers(maps, [surface.name for surface in scene.surfaces], seconds, about)
         except ValueError as cause:
@@ -148,7 +151,15 @@ class Comparison(Job):
                 for name, file in (("ours", BAKED_VIEW), ("Cycles", CYCLES_VIEW))}
 
     def _tell_limits(self, numbers: dict[str, Any]) -> None:
-        samples = numbers["cycles"]["samples"] // 2
+        samples, lumels, ours = numbers["cycles"]["samples"] // 2, numbers["lumels"], numbers["ours"]
+        if lumels["doubled"]:
+            whole = lumels["doubled"] + lumels["counted"]
+            warn(self.warnings, "", "doubled_lumels", f"on {lumels['doubled'] / whole:.2%} of the lumels lies a part "
+                 "of another face: Cycles shades these by chance, and they are not compared: move the faces apart")
+        if ours["rms_untrimmed"] < FIREFLIES * ours["rms"]:
+            warn(self.warnings, "", "fireflies", "most light of some lumels comes by rare paths that Cycles' bakes "
+                 f"have hardly found, so that our error may as well be {ours['rms_untrimmed']:.2%} as "
+                 f"{ours['rms']:.2%}: give Cycles more time (--seconds, --samples)")
         if samples < SHORT_BAKE:
             warn(self.warnings, "", "short_bakes", f"Cycles' two bakes have {samples} samples each, of which the first "
                  "is always a texel's centre: give it more time (--seconds, --samples)")

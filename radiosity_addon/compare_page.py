@@ -192,7 +192,8 @@ def _conditions(told: dict[str, Any]) -> str:
         f"{lumels['counted']} inner lumels count (lit, and all eight neighbours in the same chart); "
         f"{lumels['left_out']} of them, the 0.1 % that deviate most, are left out of RMS, bias and percentiles "
         f"(RMS with them: {numbers['ours']['rms_untrimmed']:.2%}). {lumels['hidden']} that nobody sees, inside solids, "
-        "show what is beside them, and do not count.",
+        f"show what is beside them, and {lumels['doubled']} lie under a part of another face, where Cycles shades by "
+        "chance: these do not count.",
         "The RMS error is the root of the mean of (ours - first) (ours - second) over lumels and channels, over the "
         "mean of the reference: the noise of the two references, being independent, adds nothing to it.",
     ]

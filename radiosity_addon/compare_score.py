@@ -10,8 +10,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..solver import estimator, sampling_law
-from ..solver.lumels import charts_of_triangles
-from ..solver.raster import rasterise
+from ..solver.geometry import Geometry
+from ..solver.lumels import barycentric_at, charts_of_triangles
+from ..solver.mesh_faults import lying_on
+from ..solver.raster import rasterise, to_texels
 from ..solver.result import Bake
 from ..solver.scene import Scene, surface_of_triangle
 
@@ -24,8 +26,9 @@ class Maps:
     """One page in all its versions, row 0 at the bottom.
 
     ours, first, second : (h, w, 3) float32, radiance: our bake, and Cycles' two.
-    counted : which lumels count; not those that nobody sees, which show the light of others.
-    hidden : how many of those would have counted.
+    counted : which lumels count; not those that nobody sees, which show the light of others, and not those on which
+        another face lies, which Cycles shades by chance.
+    hidden, doubled : how many of those would have counted.
     surface : (h, w) int32, the object of each lumel, -1 for none.
     """
 
@@ -35,6 +38,7 @@ class Maps:
     second: Float
     counted: estimator.Counted
     hidden: int
+    doubled: int
     surface: NDArray[np.int32]
 
     @property
@@ -53,10 +57,11 @@ def layout_of(scene: Scene, bake: Bake) -> tuple[NDArray[np.int32], Float]:
     return page, layout
 
 
-def make_maps(scene: Scene, bake: Bake, halves: list[list[Float]]) -> list[Maps]:
-    """All pages; `halves` are Cycles' two bakes, each (h, w, 4) a page."""
+def make_maps(scene: Scene, bake: Bake, halves: list[list[Float]], left_out: Bool) -> list[Maps]:
+    """All pages; `halves` are Cycles' two bakes, each (h, w, 4) a page, without the triangles `left_out` (t,)."""
     page_of_triangle, layout = layout_of(scene, bake)
     chart, surface = charts_of_triangles(scene, bake.uv), surface_of_triangle(scene)
+    geometry = Geometry(scene)
     maps = []
     for page, lightmap in enumerate(bake.lightmaps):
         height, width = lightmap.pixels.shape[:2]
@@ -68,9 +73,18 @@ def make_maps(scene: Scene, bake: Bake, halves: list[list[Float]]) -> list[Maps]
         whose = np.where(there, members[owner], -1)
         counted = estimator.counted_lumels(np.where(there, chart[whose], -1), first[..., :3], second[..., :3])
         hidden = np.zeros_like(there) if lightmap.hidden is None else lightmap.hidden
+        doubled = np.zeros_like(there)
+        some = counted.inner | counted.edge
+        texels = np.argwhere(some)[:, ::-1].astype(np.float64)
+        weight, _ = barycentric_at(to_texels(layout[whose[some]], width, height), texels)
+        places = geometry.point(whose[some], *weight.astype(np.float32).T)
+        on_it, _ = lying_on(geometry, whose[some], places)
+        doubled[some] = (on_it >= 0) & ~left_out[on_it]
+        kept = ~(hidden | doubled)
+        unseen, twice = (int((counted.inner & without).sum()) for without in (hidden, doubled & ~hidden))
         maps.append(Maps(lightmap.name, np.asarray(lightmap.pixels, np.float32), first[..., :3], second[..., :3],
-                         estimator.Counted(counted.inner & ~hidden, counted.edge & ~hidden),
-                         int((counted.inner & hidden).sum()), np.where(there, surface[whose], -1).astype(np.int32)))
+                         estimator.Counted(counted.inner & kept, counted.edge & kept),
+                         unseen, twice, np.where(there, surface[whose], -1).astype(np.int32)))
     return maps
 
 
@@ -106,7 +120,8 @@ def numbers(maps: list[Maps], names: list[str], seconds: float, about: dict[str,
     noise = score.noise / math.sqrt(2)
     return {
         "lumels": {"counted": score.lumels, "left_out": score.trimmed, "edge": len(edge[0]),
-                   "hidden": sum(one.hidden for one in maps), "mean_radiance": score.mean},
+                   "hidden": sum(one.hidden for one in maps), "doubled": sum(one.doubled for one in maps),
+                   "mean_radiance": score.mean},
         "ours": {"seconds": seconds, **_error(score), "edge_rms": edges.rms if edges else None},
         "cycles": {"seconds": cycles_seconds, "samples": 2 * about["samples"], "rms": noise, "half_rms": score.noise,
                    "bounces": about["bounces"], "bakes": 2, "edge_rms": edges.noise / math.sqrt(2) if edges else None},

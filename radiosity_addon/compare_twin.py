@@ -96,7 +96,7 @@ def _rows(matrix: Any) -> list[list[float]]:
     return [list(row) for row in matrix]
 
 
-def write_geometry(scene: Scene, bake: Bake, folder: Path) -> tuple[list[list[int]], int]:
+def write_geometry(scene: Scene, bake: Bake, folder: Path) -> tuple[list[list[int]], NDArray[np.bool_]]:
     """Write the surfaces to `GEOMETRY`.
 
     Materials differ by emission, opacity, textures, page and group; reflectance is a colour of the mesh. A group's
@@ -105,7 +105,7 @@ def write_geometry(scene: Scene, bake: Bake, folder: Path) -> tuple[list[list[in
 
     Returns
     -------
-    Each page's [width, height], and how many triangles were left out (`copies`).
+    Each page's [width, height], and which triangles (t,) were left out (`copies`).
     """
     page, layout = layout_of(scene, bake)
     emission = np.asarray(scene.emission, np.float32) / np.float32(np.pi)
@@ -114,7 +114,8 @@ def write_geometry(scene: Scene, bake: Bake, folder: Path) -> tuple[list[list[in
              + 4 * _per_triangle(kind[surface_of_triangle(scene)], page))
     key = np.column_stack([emission, _per_triangle(scene.opacity, page), np.asarray(scene.reflectance_texture),
                            np.asarray(scene.emission_texture), np.asarray(scene.opacity_texture), page, group])
-    kept = ~copies(scene, group)
+    left_out = copies(scene, group)
+    kept = ~left_out
     used, triangles = np.unique(scene.triangles[kept], return_inverse=True)
     vertices = (scene.vertices[used] - scene.origin).astype(np.float32)
     materials, material = np.unique(key[kept].astype(np.float32), axis=0, return_inverse=True)
@@ -130,7 +131,7 @@ def write_geometry(scene: Scene, bake: Bake, folder: Path) -> tuple[list[list[in
         reflectance=np.maximum(np.asarray(scene.reflectance, np.float32)[kept], np.float32(LEAST_REFLECTANCE)),
         uv=scene.uv[kept] if scene.uv is not None else np.zeros((int(kept.sum()), 3, 2), np.float32),
         materials=materials, material=material.reshape(-1).astype(np.int32), **textures)
-    return [[lightmap.pixels.shape[1], lightmap.pixels.shape[0]] for lightmap in bake.lightmaps], int((~kept).sum())
+    return [[lightmap.pixels.shape[1], lightmap.pixels.shape[0]] for lightmap in bake.lightmaps], left_out
 
 
 def copies(scene: Scene, group: Float) -> NDArray[np.bool_]:
