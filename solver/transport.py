@@ -44,6 +44,8 @@ CHUNK_CELLS, LEAST_CELLS = 2**16, 2**13
 SUMMED_CELLS = 2**16
 # Generations of patches that see patches that see ... before what is newly met is left to an average.
 MOST_WAVES = 8
+# A patch lies in a gap if all rays of its row end nearer than this part of its width.
+GAP = 0.25
 # A cell's light is asked for anew where this many rays meet it for each point at which it was.
 AGAIN = 16
 
@@ -240,7 +242,7 @@ class Transport:
         traced = []
         for part in slices(len(patches), max(1, 2**22 // rays)):
             these = patches[part]
-            start = partial(self._row_rays, these, rays, *self.starts.members(these))
+            start = partial(self._row_rays, these, self.patches.size()[these], rays, *self.starts.members(these))
             pieces = self.run.map(start, shares(len(these), max(1, CHUNK_RAYS // rays), LEAST_RAYS // rays))
             sides = np.concatenate([piece[0] for piece in pieces])
             self.meet([piece[3] for piece in pieces])
@@ -249,10 +251,14 @@ class Transport:
             traced.append(Rows(these, hits, np.concatenate([piece[2] for piece in pieces]), sky))
         return traced
 
-    def _row_rays(self, patches: NDArray[np.int32], rays: int, order: Int, running: Float, begins: Int,
+    def _row_rays(self, patches: NDArray[np.int32], width: Float, rays: int, order: Int, running: Float, begins: Int,
                   part: slice) -> tuple[NDArray[np.int64], Float, NDArray[np.uint8], Seen]:
         """Of some rows' rays (p, rays): sides met, the sky's irradiance (.., 3), the eighth they start in;
-        and where new cells were met."""
+        and where new cells were met. `width` (p,) of each patch, metres.
+
+        That no ray found the way out of a gap does not mean that there is none: Laplace's rule of succession gives one
+        in so many to it. Between white surfaces light would go round a thousand times else.
+        """
         first, last = begins[:-1][part], begins[1:][part]
         low, high = running[first], running[last]
         # A patch is known by its first member's side: the same points whatever its number.
@@ -272,7 +278,10 @@ class Transport:
         sky = np.zeros((0 if self.geometry.scene.sky.is_black else len(met.sides), 3), np.float32)
         sky[met.missed] = met.sky
         eighth = self.patches.part(points3, np.repeat(patches[part], rays))
-        return (met.sides.reshape(-1, rays), sky.reshape(-1, rays, 3), eighth.reshape(-1, rays),
+        sides = met.sides.reshape(-1, rays).copy()
+        gap = met.hits.distance.reshape(-1, rays) < GAP * width[part, None]
+        sides[gap.all(axis=1), -1] = NOTHING
+        return (sides, sky.reshape(-1, rays, 3), eighth.reshape(-1, rays),
                 met.fresh(directions, self.geometry.normal))
 
     # --- solve ---------------------------------------------------------------------------------------------------
