@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from ..solver import estimator, sampling_law
 from ..solver.geometry import Geometry
 from ..solver.lumels import barycentric_at, charts_of_triangles
-from ..solver.mesh_faults import lying_on
+from ..solver.mesh_faults import ALIKE, lying_on
 from ..solver.raster import rasterise, to_texels
 from ..solver.result import Bake
 from ..solver.scene import Scene, surface_of_triangle
@@ -27,7 +27,7 @@ class Maps:
 
     ours, first, second : (h, w, 3) float32, radiance: our bake, and Cycles' two.
     counted : which lumels count; not those that nobody sees, which show the light of others, and not those on which
-        another face lies, which Cycles shades by chance.
+        another face lies that faces the same way, which Cycles shades by chance.
     hidden, doubled : how many of those would have counted.
     surface : (h, w) int32, the object of each lumel, -1 for none.
     """
@@ -78,8 +78,7 @@ def make_maps(scene: Scene, bake: Bake, halves: list[list[Float]], left_out: Boo
         texels = np.argwhere(some)[:, ::-1].astype(np.float64)
         weight, _ = barycentric_at(to_texels(layout[whose[some]], width, height), texels)
         places = geometry.point(whose[some], *weight.astype(np.float32).T)
-        on_it, _ = lying_on(geometry, whose[some], places)
-        doubled[some] = (on_it >= 0) & ~left_out[on_it]
+        doubled[some] = lying_on(geometry, whose[some], places, np.flatnonzero(~left_out))[1] > ALIKE
         kept = ~(hidden | doubled)
         unseen, twice = (int((counted.inner & without).sum()) for without in (hidden, doubled & ~hidden))
         maps.append(Maps(lightmap.name, np.asarray(lightmap.pixels, np.float32), first[..., :3], second[..., :3],

@@ -15,6 +15,7 @@ from .components import shared_edges
 from .geometry import Geometry
 from .islands import Islands
 from .pieces import originals, weld
+from .sampling import mixed
 from .scene import Scene
 from .visibility import Visibility
 
@@ -25,6 +26,8 @@ Int = NDArray[np.integer[Any]]
 MOST_PROBES = 1 << 18
 # Faces lie in one place if they are nearer than this many ray offsets, and face alike to this cosine.
 REACH, ALIKE = 4.0, 0.999
+# How often triangles are halved: of the pairs that lie on one another, one in 2^HALVINGS is never told apart.
+HALVINGS = 4
 # Directions in which a place is looked out of, to see whether it lies inside a closed surface.
 LOOKS = 14
 
@@ -75,7 +78,7 @@ def _doubled(scene: Scene, surface: Int) -> tuple[Int, NDArray[np.int32]]:
     rows = np.flatnonzero(geometry.area > 0)
     rows = rows[np.linspace(0, len(rows) - 1, min(len(rows), MOST_PROBES)).astype(np.int64)] if len(rows) else rows
     third = np.full(len(rows), 1 / 3, np.float32)
-    on_it, facing = lying_on(geometry, rows, geometry.point(rows, third, third))
+    on_it, facing = lying_on(geometry, rows, geometry.point(rows, third, third), np.arange(len(geometry.area)))
     doubled = np.flatnonzero((on_it >= 0) & (facing > ALIKE))
     one, other = _copies(scene)
     pair = np.stack([np.append(rows[doubled], one), np.append(on_it[doubled], other)], axis=1)
@@ -88,19 +91,27 @@ def _doubled(scene: Scene, surface: Int) -> tuple[Int, NDArray[np.int32]]:
     return np.bincount(owners, minlength=count), partner
 
 
-def lying_on(geometry: Geometry, triangle: Int, points: Float) -> tuple[Int, Float]:
-    """Where points (n, 3) of triangles (n,) lie on another one: that one (n,), -1 for none, and the cosine (n,) between
-    the two. Of two in one place, the one that faces the same way is told."""
-    normal = geometry.normal[triangle]
-    reach = REACH * geometry.offset[triangle]
+def lying_on(geometry: Geometry, triangle: Int, points: Float, some: Int) -> tuple[Int, Float]:
+    """Where points (n, 3) of triangles (n,) lie on another one of `some` (m,): that one (n,), -1 for none, and the
+    cosine (n,) between the two. Of several, one that faces the same way is told.
+
+    A ray meets one of two triangles in one place, always the same if they lie exactly in a plane. So triangles are
+    halved by chance, several times, and what is of one half is looked for in the other.
+    """
+    normal, reach = geometry.normal[triangle], REACH * geometry.offset[triangle]
+    start, straight_down = np.asarray(points + normal * reach[:, None], np.float32), np.asarray(-normal, np.float32)
     on_it, facing = np.full(len(triangle), -1, np.int64), np.full(len(triangle), -np.inf, np.float32)
-    # The first face that a ray meets may be the triangle itself: from above and from below one of the two is another.
-    for way in (-1.0, 1.0):
-        hits = geometry.visibility.hits(points - way * normal * reach[:, None], way * normal)
-        met = np.maximum(hits.triangle, 0)
-        cosine = np.einsum("ij,ij->i", geometry.normal[met], normal)
-        found = (hits.triangle >= 0) & (hits.triangle != triangle) & (hits.distance < 2 * reach) & (cosine > facing)
-        on_it, facing = np.where(found, met, on_it), np.where(found, cosine, facing)
+    chance = mixed(np.arange(len(geometry.area), dtype=np.uint64), 0, 0)
+    for bit in range(HALVINGS):
+        half = (chance >> np.uint64(bit)) & np.uint64(1)
+        for own in (0, 1):
+            rows, others = np.flatnonzero(half[triangle] == own), some[half[some] != own]
+            hits = Visibility(geometry.corners[others]).hits(start[rows], straight_down[rows])
+            found = np.flatnonzero((hits.triangle >= 0) & (hits.distance < 2 * reach[rows]))
+            rows, met = rows[found], others[hits.triangle[found]]
+            cosine = np.einsum("ij,ij->i", geometry.normal[met], normal[rows])
+            better = cosine > facing[rows]
+            on_it[rows[better]], facing[rows[better]] = met[better], cosine[better]
     return on_it, facing
 
 

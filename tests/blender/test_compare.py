@@ -17,8 +17,9 @@ import bpy
 import numpy as np
 import pytest
 from numpy.typing import NDArray
+from radiosity.radiosity_addon.compare_score import make_maps
 from radiosity.radiosity_addon.compare_twin import copies
-from radiosity.solver import Scene, estimator, image_file
+from radiosity.solver import Scene, Settings, Sky, bake, estimator, image_file
 from radiosity.tests.blender.closed_room import BAKED, BLOCK, RESOLUTION, SIDE, independent_reference, save_room
 from radiosity.tests.blender.conftest import UNIT_SQUARE
 
@@ -204,6 +205,21 @@ def test_only_what_changes_no_light_is_a_copy():
                   emission=each(0, 0, 1, 0, 0, 0, 0)[:, None] * np.ones(3),
                   reflectance=each(0.5, 0.5, 0.5, 0.6, 0.5, 0.5, 0.5)[:, None] * np.ones(3))
     assert copies(scene, each(0, 0, 0, 0, 0, 0, 1)).tolist() == each(0, 1, 0, 0, 0, 0, 0).astype(bool).tolist()
+
+
+def test_lumels_on_which_a_part_of_another_face_lies_do_not_count():
+    # A square of a metre, and on it a strip of a quarter of its area that faces the same way; all lit in both bakes of
+    # Cycles. Exact answer: lumels of the square under the strip do not count, nor any of the strip's: half a square
+    # metre of 1.25; but for the strip's, if Cycles was not given the square, and the square's without the strip.
+    square = np.array([(0, 0, 0), (1, 0, 0), (1, 1, 0), (0, 1, 0)], float)
+    strip = square * (0.5, 0.5, 1) + (0.25, 0.25, 0)
+    ways = np.array([(0, 1, 2), (0, 2, 3)])
+    scene = Scene(np.concatenate([square, strip]), np.concatenate([ways, ways + 4]), sky=Sky(np.ones(3)))
+    done = bake(scene, Settings(error=0.5, resolution=128))
+    lit = [np.ones((*one.pixels.shape[:2], 4), np.float32) for one in done.lightmaps]
+    for left_out, part in ((False, False), 0.4), ((False, True), 0.2), ((True, False), 0.2):
+        [one] = make_maps(scene, done, [lit, lit], np.repeat(left_out, 2))
+        assert one.doubled / (one.doubled + one.counted.inner.sum()) == pytest.approx(part, abs=0.04)
 
 
 def linked_to(*names: str) -> Any:

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from radiosity.solver.mesh_faults import find_faults, inward
+from radiosity.solver.geometry import Geometry
+from radiosity.solver.mesh_faults import ALIKE, find_faults, inward, lying_on
 from radiosity.solver.scene import Surface
 from radiosity.tests.solver.rooms import box, quad, sphere_cap
 
@@ -58,6 +59,23 @@ def test_a_two_sided_wall_is_no_doubled_face():
     # Two squares back to back. Exact answer: nothing, as each faces its own side.
     wall = quad((0, 0, 0), (1, 0, 0), (0, 1, 0)) + quad((0, 0, 0), (0, 1, 0), (1, 0, 0))
     assert not faults(wall).doubled.any()
+
+
+def test_places_that_a_part_of_another_face_lies_on_are_told():
+    # A floor of a square metre, on it a strip from x = .6 on that faces as it does, and one up to x = .3 that faces the
+    # other way. Exact answer: the strip's triangles, and how they face; nothing between the two.
+    shapes = quad((0, 0, 0), (1, 0, 0), (0, 1, 0)) + quad((0.6, 0.1, 0), (0.3, 0, 0), (0, 0.8, 0)) + quad(
+        (0.05, 0.1, 0), (0, 0.8, 0), (0.25, 0, 0))
+    geometry = Geometry(shapes.scene())
+    places = np.array([(x, y, 0) for x in (0.1, 0.2, 0.45, 0.7, 0.8) for y in (0.15, 0.4, 0.85)])
+    triangle = np.where(places[:, 0] > places[:, 1], 0, 1)
+    places = (places - geometry.scene.origin).astype(np.float32)
+    on_it, facing = lying_on(geometry, triangle, places, np.arange(6))
+    kind = np.repeat([2, 2, 0, 1, 1], 3)
+    assert (np.where(on_it < 0, 0, on_it // 2) == kind).all()
+    assert (facing[kind == 1] > ALIKE).all()
+    assert (facing[kind == 2] < -ALIKE).all()
+    assert (lying_on(geometry, triangle, places, np.array([0, 1, 4, 5]))[0][kind == 1] == -1).all()
 
 
 def test_what_faces_the_wrong_way_is_told_by_what_is_inside():
