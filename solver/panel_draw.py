@@ -60,11 +60,10 @@ class PanelDraw:
         away = points - np.take(self._middle, panel, axis=0)
         near = np.flatnonzero(dot(away, away) < np.take(self._reach, panel))
         if len(near):
-            near = near[_View(np.take(self._exact, panel[near], axis=1), points[near]).near]
-        if len(near):
             view = _View(np.take(self._exact, panel[near], axis=1), points[near])
+            rows, near = np.flatnonzero(view.near), near[view.near]
             u, v = u.copy(), v.copy()
-            u[near], v[near], scale[near] = view.crowded(self._square[panel[near]], even[0][near], even[1][near])
+            u[near], v[near], scale[near] = view.crowded(rows, self._square[panel[near]], even[0][near], even[1][near])
         target = np.take(self._corner, panel, axis=0)
         target += np.take(self._first, panel, axis=0) * u[:, None]
         target += np.take(self._second, panel, axis=0) * v[:, None]
@@ -94,18 +93,19 @@ class _View:
         self.near = height + aside < NEAR**2 * diagonal
         self._height = np.sqrt(np.maximum(height, LEAST_HEIGHT**2 * diagonal))
 
-    def crowded(self, square: NDArray[np.bool_], u: Float, v: Float) -> tuple[Float, Float, Float]:
-        """How far along the two sides samples lie, and what their weights are multiplied by."""
-        foot_u, foot_v = self.foot
+    def crowded(self, rows: Int, square: NDArray[np.bool_], u: Float, v: Float) -> tuple[Float, Float, Float]:
+        """How far along the two sides samples of some points lie, and what their weights are multiplied by."""
+        foot_u, foot_v = self.foot[:, rows]
+        height, gram, second, both = (of_all[rows] for of_all in (self._height, self._gram, self._second, self._both))
         # How far a step along the first side leads from a line along the second.
-        stride, side = np.sqrt(self._gram / self._second), np.sqrt(self._second)
-        low, high = np.arctan(-stride * foot_u / self._height), np.arctan(stride * (1 - foot_u) / self._height)
+        stride, side = np.sqrt(gram / second), np.sqrt(second)
+        low, high = np.arctan(-stride * foot_u / height), np.arctan(stride * (1 - foot_u) / height)
         slope = np.tan(low + u * (high - low))
-        step = slope * self._height / stride
+        step = slope * height / stride
         there = np.clip(foot_u + step, 0, 1)
-        density = stride / (self._height * (high - low) * (1 + slope**2))
-        line = self._height * np.sqrt(1 + slope**2)
-        start = foot_v - step * self._both / self._second
+        density = stride / (height * (high - low) * (1 + slope**2))
+        line = height * np.sqrt(1 + slope**2)
+        start = foot_v - step * both / second
         end = np.where(square, 1, 1 - there)
         low, high = (_sine(side * (limit - start) / line) for limit in (0, end))
         sine = low + v * (high - low)

@@ -118,6 +118,27 @@ class Patches:
         """(p,) float32: the edge of each patch's box, metres."""
         return np.asarray(self.edge / 2.0**self.level, np.float32)
 
+    def widths(self, patch: NDArray[np.int32], points: Float, area: Float) -> Float:
+        """(p,) float32: how wide each patch is, from the spread of its cells and their own width, metres.
+
+        The longest side of a box that is evenly filled is sqrt(12) standard deviations; the octree's box may be far
+        wider than what of a patch lies in it.
+
+        Parameters
+        ----------
+        patch, points, area : of cells: the patch (n,) of each, its middle (n, 3) in metres, and its area (n,) in m2.
+        """
+        count = len(self)
+        number = np.maximum(np.bincount(patch, minlength=count), 1)
+        square = np.zeros(count)
+        for axis in range(3):
+            place = points[:, axis].astype(np.float64)
+            mean = np.bincount(patch, place, count) / number
+            deviation = (place - mean[patch]) ** 2
+            square = np.maximum(square, np.bincount(patch, deviation, count) / number)
+        own = np.bincount(patch, area, count) / number
+        return np.asarray(np.minimum(np.sqrt(12 * square + own), self.size()), np.float32)
+
     def grow(self, spots: Spots, weight: Float, seen_from: Float, most: float) -> None:
         """Split boxes until none that can be split holds more than `most` of the weight.
 

@@ -140,23 +140,6 @@ class Transport:
         self.irradiance = np.concatenate([self.irradiance, np.full((more, 3), np.nan, np.float32)])
         self.apart = np.concatenate([self.apart, np.full((len(self.apart), more, 3), np.nan, np.float32)], axis=1)
 
-    def _extents(self) -> Float:
-        """(patches,) float32: how wide each patch is, from the spread of its cells and their own width, metres.
-
-        The longest side of a box that is evenly filled is sqrt(12) standard deviations; the octree's box may be far
-        wider than what of a patch lies in it.
-        """
-        count = len(self.patches)
-        number = np.maximum(np.bincount(self.cell_patch, minlength=count), 1)
-        square = np.zeros(count)
-        for axis in range(3):
-            place = self.met.spots.points[:, axis].astype(np.float64)
-            mean = np.bincount(self.cell_patch, place, count) / number
-            deviation = (place - mean[self.cell_patch]) ** 2
-            square = np.maximum(square, np.bincount(self.cell_patch, deviation, count) / number)
-        own = np.bincount(self.cell_patch, self.met.area, count) / number
-        return np.asarray(np.minimum(np.sqrt(12 * square + own), self.patches.size()), np.float32)
-
     def sums_of_patches(self, kinds: int, figures: Callable[[slice], Sequence[Float]], area: Float) -> Float:
         """(kinds, patches) float64: what figures of the cells, times their `area` (cells,), add up to; `figures` gives
         (m,) of each kind for a part of the cells, for all at once would take much memory."""
@@ -187,7 +170,7 @@ class Transport:
         """
         if self._settled < len(self.cells) or not len(self._table):
             if self._extent is None:
-                self._extent = self._extents()
+                self._extent = self.patches.widths(self.cell_patch, self.met.spots.points, self.met.area)
             self._extent = np.concatenate([self._extent, self.patches.size()[len(self._extent):]])
             # The row of nothing stays the last.
             for table in (self._table, *self._tables):
