@@ -27,7 +27,7 @@ MOST_PROBES = 1 << 18
 # Faces lie in one place if they are nearer than this many ray offsets, and face alike to this cosine.
 REACH, ALIKE = 4.0, 0.999
 # How often triangles are halved: of the pairs that lie on one another, one in 2^HALVINGS is never told apart.
-HALVINGS = 4
+HALVINGS = 6
 # Directions in which a place is looked out of, to see whether it lies inside a closed surface.
 LOOKS = 14
 
