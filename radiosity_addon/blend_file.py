@@ -1,8 +1,10 @@
-"""Opening and saving .blend files, which Blender offers only as operators: the one file that calls `bpy.ops.wm`."""
+"""Opening .blend files, readying them for a command and saving them, which Blender offers only as operators: the one
+file that calls `bpy.ops.wm`."""
 
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Any
 
 import bpy
 
@@ -27,6 +29,14 @@ def open_blend(path: Path) -> None:
     except RuntimeError as cause:
         raise OutputError(
             f"{path} can't be opened ({_first_line(cause)}): check that it is a .blend of this Blender") from cause
+
+
+def leave_edit_mode(view_layer: Any) -> None:
+    """Let no object be edited: files are often saved so, and nobody can press Tab where there is no window."""
+    for item in view_layer.objects:
+        if item.mode == "EDIT":
+            with bpy.context.temp_override(active_object=item, object=item):
+                bpy.ops.object.mode_set(mode="OBJECT")
 
 
 def save_copy(path: Path) -> None:

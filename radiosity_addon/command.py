@@ -204,7 +204,10 @@ def execute(argv: Sequence[str]) -> int:
 def _run(arguments: argparse.Namespace) -> int:
     import bpy
 
+    from .blend_file import leave_edit_mode
+
     scene, view_layer = bpy.context.scene, bpy.context.view_layer
+    leave_edit_mode(view_layer)
     if arguments.command == "compare":
         from .compare_command import compare
 

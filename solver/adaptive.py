@@ -47,6 +47,8 @@ SPECKLE = 3.0
 # Filtered light stands alone if it is so many times further from the mean of those beside than any of them is, at least
 # so many, and by more than the error that is wanted on the average; it is looked at with so many times the rays.
 ALONE, LEAST_BESIDE, CLOSER = 2.0, 5, 16
+# The least part of the receivers that is taken to be lit.
+LEAST_LIT = 1e-3
 # The least mean square error that is worth a ray, W2/m4: far below any light that matters, far above zero.
 DARK = 1e-30
 # A look is not worth its while if the error is within this factor of what is wanted.
@@ -60,26 +62,30 @@ class Gathered:
     first, bounced : (n, 3) irradiance from sky and gathered emitters, and from reflected light.
     apart : (n, 3 g) what is wanted of both of each light group.
     square_error : (n,) mean square error of each receiver that is expected, W2/m4.
+    lit : the part of the receivers that some light arrives at.
     """
 
     first: Float
     bounced: Float
     apart: Float
     square_error: Float
+    lit: float
 
     @property
     def error(self) -> float:
-        """Root mean square error that is expected, W/m2."""
-        return float(np.sqrt(_mean(self.square_error)))
+        """Root mean square error over the lit receivers that is expected, W/m2."""
+        return float(np.sqrt(_mean(self.square_error) / self.lit))
 
 
-def gather_adaptively(transport: Transport, fans: Fans, plan: Plan, level: float, usual: float, seed: int,
+def gather_adaptively(transport: Transport, fans: Fans, plan: Plan, level: float, lit: float, usual: float, seed: int,
                       neighbours: Neighbours | None, run: Run) -> Gathered:
-    """Gather until the error is about `plan.gather_error` of the mean light.
+    """Gather until the error is about `plan.gather_error` of the mean light. Receivers count that any light arrives at:
+    those in boxes that none gets into would make the others seem dim.
 
     Parameters
     ----------
     level : the lamps' mean direct light at the footprints, W/m2; counted with what is gathered.
+    lit : the part of the footprints that lamps shine on.
     usual : what rays bring on the average, W/m2, about.
     neighbours : of the footprints; None for receivers that have none, which are not smoothed.
     """
@@ -92,9 +98,10 @@ def gather_adaptively(transport: Transport, fans: Fans, plan: Plan, level: float
     errors = _errors(looks, near, run)
     for _ in range(MOST_ROUNDS):
         error = np.sum(errors, axis=0)
-        light = (looks[0] + looks[1]).sum(axis=1)[:, :6].mean()
-        # Above zero, also where all is dark and nothing is left to be wanted.
-        wanted = max((plan.gather_error * (level + float(light))) ** 2, DARK)
+        light = (looks[0] + looks[1]).sum(axis=1)[:, :6]
+        lit = max(lit, float(light.any(axis=1).mean()))
+        # Of all receivers; above zero, also where all is dark and nothing is left to be wanted.
+        wanted = max((plan.gather_error * (level + float(light.mean()))) ** 2 / max(lit, LEAST_LIT), DARK)
         most = MOST_FACTOR * half / rays
         factor = _speckle_factors(error, wanted, most)
         if _mean(error) > wanted * CLOSE_ENOUGH**2:
@@ -113,7 +120,7 @@ def gather_adaptively(transport: Transport, fans: Fans, plan: Plan, level: float
             needed = around(alone, [*near, *near])
             again = _value([look[needed] for look in looks], among(needed, near), run)
             value[alone] = again[np.searchsorted(needed, alone)]
-    return Gathered(value[:, :3], value[:, 3:6], value[:, 6:], np.sum(errors, axis=0))
+    return Gathered(value[:, :3], value[:, 3:6], value[:, 6:], np.sum(errors, axis=0), max(lit, LEAST_LIT))
 
 
 def _mean(error: Float) -> float:
@@ -195,9 +202,10 @@ def _errors(looks: list[Float], near: Kernels | None, run: Run, changed: Int | N
 
 
 def _known(error: Float, near: Kernels | None) -> Float:
-    """(n,) float64: errors with a part of their mean over all."""
+    """(n,) float64: errors with a part of their mean over all that have any."""
     prior = LONE_PRIOR if near is None else PRIOR
-    return np.asarray((1 - prior) * error + prior * error.mean(), np.float64)
+    some = error > 0
+    return np.where(some, (1 - prior) * error + prior * error.mean(where=some), 0).astype(np.float64)
 
 
 def _speckle_factors(error: Float, wanted: float, most: Float) -> Float:

@@ -53,6 +53,9 @@ MOST_BOUNCES = 64
 ROULETTE_FROM = 3
 # A lamp that would fill this part of what a point sees (its form factor) is beside it.
 BESIDE = 0.1
+# Where light arrives at fewer than this part of the wanted number of receivers, as many are drawn once more, and so on
+# until so many times that number have been: those in closed boxes that no light gets into tell nothing.
+LEAST_LIT, MOST_DRAWN = 0.5, 4
 # Up to this many lamps each gets a shadow ray of its own at every vertex.
 FEW_LAMPS = 4
 
@@ -64,6 +67,16 @@ class Truth:
     rows: Int
     direct: Float
     indirect: Float
+
+    @classmethod
+    def concatenate(cls, parts: Sequence[Truth]) -> Truth:
+        """Of all receivers in the parts."""
+        rows, direct, indirect = ([getattr(part, name) for part in parts] for name in ("rows", "direct", "indirect"))
+        return cls(np.concatenate(rows), np.concatenate(direct), np.concatenate(indirect))
+
+    def lit(self) -> int:
+        """At how many receivers light arrives."""
+        return int(self.groups("both").any(axis=(1, 2)).sum())
 
     def groups(self, passes: str) -> Float:
         """(k, groups, 3): independent estimates of what the passes ask for."""
@@ -186,12 +199,23 @@ class Auditor:
         self._reach = Reach.of([links_of(light) for light in self.lights], len(geometry.scene.surfaces))
         self._bounds = LightBounds.of(self.lights)
         self._draw = LampDraw(self.lights, geometry, self._reach) if len(self.lights) > FEW_LAMPS else None
+        self._seeds = np.random.SeedSequence(seed)
+
+    def truth_at_random(self, places: Footprints, pool: Int, count: int, paths: int, run: Run) -> Truth:
+        """`truth` of so many footprints of `pool` (n,), drawn at random, or more where few of them are lit."""
+        order = np.random.default_rng(self._seeds.spawn(1)[0]).permutation(pool)
+        parts = [self.truth(places, np.sort(order[:count]), paths, run)]
+        for first in range(count, min(MOST_DRAWN * count, len(order)), count):
+            if sum(part.lit() for part in parts) >= LEAST_LIT * count:
+                break
+            parts.append(self.truth(places, np.sort(order[first:first + count]), paths, run))
+        return Truth.concatenate(parts)
 
     def truth(self, places: Footprints, rows: Int, paths: int, run: Run) -> Truth:
         """Irradiance of footprints `rows` by `paths` paths each (rounded up to whole groups)."""
         each = -(-paths // GROUPS) * GROUPS
         pieces = slices(len(rows), max(1, CHUNK_PATHS // each))
-        seeds = np.random.SeedSequence(self.seed).spawn(len(pieces))
+        seeds = self._seeds.spawn(len(pieces))
         done = run.map(lambda job: self._paths(places, rows[job[0]], each, np.random.default_rng(job[1]), run),
                        list(zip(pieces, seeds, strict=True)))
         direct = np.concatenate([one[0] for one in done]) + self._direct(places, rows, run)

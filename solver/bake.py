@@ -124,7 +124,7 @@ class _Work:
         with self.stages("patches"):
             pilot = pilot_rays(self.settings.error)
             looks = look_around(self.geometry, places, self.sampled_emitter, pilot // PATH_SHARE, seed, self.run)
-            self.lamps = self._lamp_level(receivers)
+            self.lamps, self.lit = self._lamp_level(receivers)
             share = self._bounced_share(looks) if bounced is None else bounced
             glowing = looks.glowing * (1 - share) / max(self.lamps + looks.straight, 1e-30)
             self.plan = plan(self.settings.error, looks.distance, share, len(receivers), glowing)
@@ -224,11 +224,11 @@ class _Work:
         self.transported = self.transport(receivers, places)
         with self.stages("gather"):
             self.transported.keeper = keeper = self._keeper(len(receivers))
-            gathered = gather_adaptively(self.transported, self.fans, self.plan, self.lamps, self.usual, seed, near,
-                                         self.run)
+            gathered = gather_adaptively(self.transported, self.fans, self.plan, self.lamps, self.lit, self.usual, seed,
+                                         near, self.run)
             self.paths = keeper.paths(self.transported) if keeper is not None else None
         with self.stages("direct"):
-            level = self.lamps + float(gathered.first.mean() + gathered.bounced.mean())
+            level = (self.lamps + float(gathered.first.mean() + gathered.bounced.mean())) / gathered.lit
             self.expected = self.plan.expected_error(gathered.error / max(level, 1e-30))
             self.errors = np.sqrt(gathered.square_error)
             lit = self.direct.apart(places, self.run, level * self.plan.direct_error, PILOT if near else LONE_PILOT,
@@ -247,12 +247,12 @@ class _Work:
             return None
         return PathKeeper(receivers, traced)
 
-    def _lamp_level(self, receivers: Receivers) -> float:
-        """The mean of the lamps' light over a sample of the receivers, W/m2."""
+    def _lamp_level(self, receivers: Receivers) -> tuple[float, float]:
+        """The mean of the lamps' light over a sample of the receivers, W/m2, and which part of these it arrives at."""
         sample = receivers.take(np.linspace(0, len(receivers) - 1, min(len(receivers), LEVEL_SAMPLE)).astype(int))
         places = ReceiverFootprints(self.geometry, sample, self.settings.footprint, self.settings.seed)
-        wanted = self.settings.passes != "indirect"
-        return float(self.direct.irradiance(places, self.run).mean()) * wanted
+        light = self.direct.irradiance(places, self.run) * (self.settings.passes != "indirect")
+        return float(light.mean()), float(light.any(axis=1).mean())
 
     def _bounced_share(self, looks: Importance) -> float:
         """About which part of the receivers' light comes over other surfaces, 0 ... 1."""
@@ -277,12 +277,10 @@ class _Work:
 
     def _truth(self, places: ReceiverFootprints, near: Neighbours, run: Run) -> Truth:
         """Path trace receivers drawn at random; of lumels the inner ones, as against a renderer."""
-        random = np.random.default_rng([AUDIT_SEED, self.settings.seed])
         inner = np.flatnonzero(near.inner())
         pool = inner if len(inner) else np.arange(len(places))
-        rows = np.sort(random.choice(pool, min(len(pool), AUDIT_LUMELS), replace=False))
         auditor = Auditor(self.geometry, self.lights, self.sampled_emitter, AUDIT_SEED + self.settings.seed)
-        return auditor.truth(places, rows, audit_paths(self.settings.error), run)
+        return auditor.truth_at_random(places, pool, AUDIT_LUMELS, audit_paths(self.settings.error), run)
 
 
 def bake(scene: Scene, settings: Settings, progress: Progress | None = None,

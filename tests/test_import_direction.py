@@ -139,8 +139,8 @@ def test_one_file_asks_for_the_version_of_blender() -> None:
 
 
 def test_blenders_own_operators_are_called_where_there_is_no_other_way() -> None:
-    # Rendering and baking with Cycles, and opening and saving files, exist only as operators; and only an operator of
-    # ours may look after work in a window, where Live starts it. One file for each.
+    # Baking with Cycles, opening and saving files, and leaving Edit Mode exist only as operators; and only an operator
+    # of ours may look after work in a window, where Live starts it. One file for each.
     callers = {
         (path.relative_to(ROOT).as_posix(), family)
         for layer in LAYERS
@@ -153,6 +153,7 @@ def test_blenders_own_operators_are_called_where_there_is_no_other_way() -> None
         ("radiosity_addon/cycles.py", "bpy.ops.render"),
         ("radiosity_addon/cycles.py", "bpy.ops.object"),
         ("radiosity_addon/blend_file.py", "bpy.ops.wm"),
+        ("radiosity_addon/blend_file.py", "bpy.ops.object"),
         ("operators/relight.py", "bpy.ops.radiosity"),
     }
 

@@ -79,6 +79,20 @@ def test_a_bake_writes_what_it_says_and_leaves_the_scene_file_alone(build, tmp_p
     assert pixels[y, x].min() * math.pi > 0.98
 
 
+def test_a_file_that_was_saved_while_a_mesh_was_edited_is_baked(build, tmp_path):
+    # Nobody can leave Edit Mode in a command. Exact answer: both squares baked, the file on disk as it was.
+    room(build)
+    bpy.context.view_layer.objects.active = bpy.data.objects["Floor"]
+    bpy.ops.object.mode_set(mode="EDIT")
+    path = save(tmp_path)
+    before = path.read_bytes()
+    done = command("bake", path, *QUICK, "--output", tmp_path / "out")
+    assert done.returncode == 0, done.stderr
+    report = json.loads((tmp_path / "out" / "report.json").read_text())
+    assert [entry["object"] for entry in report["outputs"]] == ["Floor", "Wall"]
+    assert path.read_bytes() == before
+
+
 def test_the_users_uv_map_is_used_and_no_other_made(build, tmp_path):
     # A square with a map over the whole image. Exact answer: one image for it, no new map in the saved file.
     build.sun()

@@ -4,7 +4,17 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from radiosity.solver.adaptive import RATE, SPECKLE, _errors, _factors, _groups, _speckle_factors, _standing_alone
+from radiosity.solver.adaptive import (
+    RATE,
+    SPECKLE,
+    Gathered,
+    _errors,
+    _factors,
+    _groups,
+    _known,
+    _speckle_factors,
+    _standing_alone,
+)
 from radiosity.solver.kernels import Kernel
 from radiosity.solver.parallel import Run
 
@@ -66,6 +76,25 @@ def test_what_is_out_of_reach_costs_the_others_nothing():
     factor = _factors(variance, wanted, np.full(COUNT, 32.0))
     assert (factor[:5] == 32).all()
     assert factor[5:].mean() == pytest.approx(usual[5:].mean(), rel=0.1)
+
+
+def test_where_no_light_was_found_no_rays_are_added():
+    # Three of four receivers lie in a closed box, with no error at all. Exact answer: they get no more rays, and the
+    # others what they would get without them.
+    lit = _variance()
+    error = np.concatenate([lit, np.zeros(3 * COUNT)])
+    alone, all_known = _known(lit, None), _known(error, None)
+    assert all_known[:COUNT] == pytest.approx(alone)
+    wanted = lit.mean() / 5
+    factor = _factors(all_known, wanted / 4, np.full(4 * COUNT, 32.0))
+    assert np.array_equal(factor[:COUNT], _factors(alone, wanted, np.full(COUNT, 32.0)))
+    assert (factor[COUNT:] == 1).all()
+
+
+def test_the_error_is_that_of_lit_receivers():
+    # Mean square error 4 of a hundred receivers and none of three hundred in a closed box: 2, not 1.
+    light = np.zeros((400, 3))
+    assert Gathered(light, light, light, np.repeat([4.0, 0.0], [100, 300]), 0.25).error == pytest.approx(2, rel=0.01)
 
 
 def test_no_receiver_gets_more_than_the_most():

@@ -4,7 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from radiosity.solver.audit import GROUPS, error_bar
+from radiosity.solver import Settings, bake
+from radiosity.solver.audit import GROUPS, LEAST_LIT, error_bar
+from radiosity.solver.plan import AUDIT_LUMELS
+from radiosity.tests.solver.rooms import box
 
 RECEIVERS = 1024
 
@@ -106,3 +109,13 @@ def test_darkness_has_no_error():
     # No light anywhere: nothing to be relative to.
     bar = error_bar(np.zeros((10, 3)), np.zeros((10, GROUPS, 3)))
     assert (bar.rms, bar.rms_low, bar.rms_high, bar.p95, bar.worst, bar.bias) == (0,) * 6
+
+
+def test_a_closed_dark_box_does_not_use_up_the_audit():
+    # A room with a glowing ceiling beside a box without light that has five times its walls. Exact answer: so many lit
+    # lumels as are wanted are audited all the same, and the error is found.
+    room = box((0, 0, 0), (3, 3, 3), 0.5, (0, 1, 0, 0, 0, 0))
+    dark = box((10, 0, 0), (17, 7, 7), 0.5)
+    error = bake((room + dark).scene(), Settings(error=0.1, texel_density=10)).report["error"]["estimated"]
+    assert LEAST_LIT * AUDIT_LUMELS <= error["lumels_audited"] <= AUDIT_LUMELS
+    assert 0 < error["rms_high"] < 0.1
