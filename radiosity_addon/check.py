@@ -2,6 +2,7 @@
 
     what a bake itself would say      the export, with all its warnings
     check_meshes.py                   flipped, non_manifold, overlapping, giant
+    check_views.py                    back_seen
     check_lights.py                   no_power, no_size
     check_materials.py                non_diffuse, bright, missing_image
     check_layout.py                   uv_overlap, uv_stretch, uv_density, uv_no_area, uv_outside, no_lumels
@@ -18,6 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..solver.errors import RadiosityError
+from ..solver.geometry import Geometry
 from ..solver.settings import Settings
 from . import compat, report
 from .check_cost import Cost, expected_cost
@@ -25,6 +27,7 @@ from .check_layout import check_layout
 from .check_lights import check_lights
 from .check_materials import check_images, check_materials
 from .check_meshes import check_meshes
+from .check_views import check_views
 from .export import Exported, export_scene
 from .request import Request, remove_empty
 from .summary import print_warnings
@@ -58,11 +61,13 @@ def find(scene: Any, view_layer: Any, settings: Settings, convert: bool = False)
         exported = export_scene(scene, view_layer, settings, warnings, convert)
         check_materials(exported.materials, warnings)
         check_meshes(exported.scene, _places(view_layer), warnings)
+        geometry = Geometry(exported.scene)
+        check_views(geometry, scene, warnings)
         lumels = check_layout(exported.scene, exported.settings, warnings)
     except RadiosityError as failure:
         warn(warnings, "", "error", str(failure))
         return Findings(warnings, None, None, failure)
-    return Findings(warnings, exported, expected_cost(exported.scene, exported.settings, lumels), None)
+    return Findings(warnings, exported, expected_cost(geometry, exported.settings, lumels), None)
 
 
 def check(request: Request, scene: Any, view_layer: Any) -> int:

@@ -48,10 +48,10 @@ class Cost:
         return f"about {self.lumels:,} lumels, {self.memory_bytes / 2**30:.1f} GiB, {minutes}"
 
 
-def expected_cost(scene: Scene, settings: Settings, lumels: int = 0) -> Cost:
+def expected_cost(geometry: Geometry, settings: Settings, lumels: int = 0) -> Cost:
     """Estimate; `lumels` where they are known already."""
+    scene = geometry.scene
     count = lumels or _lumels(scene, settings)
-    geometry = Geometry(scene)
     ray = SECONDS_RAY + 1 / _rays_per_second(geometry)
     seconds = expected_rays(geometry, settings, count) * ray / settings.thread_count
     return Cost(count, int(BYTES + count * BYTES_LUMEL + len(scene.triangles) * BYTES_TRIANGLE),

@@ -108,15 +108,15 @@ class Area:
 
     def sample(self, points: Float, normals: Float, uv: Float) -> LightSample:
         """Points spread over the lamp, or over the part of its plane that the spread lets a receiver see."""
-        if not self.round and self.spread == np.pi and self.area > 0:
+        if self.spread == np.pi and self.area > 0:
             corner = self.centre - (self.axis_u + self.axis_v) / 2
-            draw = PanelDraw(corner[None], self.axis_u[None], self.axis_v[None], np.ones(1, bool))
+            draw = PanelDraw(corner[None], self.axis_u[None], self.axis_v[None], np.ones(1, bool), ellipses=self.round)
             near, scale = draw.targets(points, np.zeros(len(points), np.intp), uv[:, 0], uv[:, 1])
             return aimed(points, normals, near, self.normal.astype(np.float32), False, scale)
         across = np.stack(cap.disc(uv), axis=1) / 2 if self.round else uv - np.float32(0.5)
         axes = np.stack([self.axis_u, self.axis_v]).astype(np.float32)
         target = self.centre.astype(np.float32) + combined(across, axes)
-        if self.spread == np.pi or self.area == 0:
+        if self.area == 0:
             return aimed(points, normals, target, self.normal.astype(np.float32), two_sided=False)
         target, scale = self._narrowed(points, uv, target)
         rays = aimed(points, normals, target, self.normal.astype(np.float32), two_sided=False)

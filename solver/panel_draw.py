@@ -4,7 +4,8 @@ From nearer than a panel is wide, most light comes from the part right in front 
 find that part, so that all of them may pass a thing that hides it. There, samples crowd as 1 / r^2 about the foot of
 the perpendicular across the panel's first side, and as 1 / r^3 along the second, both by inverted integrals: nearly as
 the solid angle does (of rectangles alone: Urena, Fajardo & King, An Area-Preserving Parametrization for Spherical
-Rectangles, 2013), of triangles and parallelograms alike.
+Rectangles, 2013), of triangles and parallelograms alike. An ellipse takes those of its parallelogram, of which some
+miss it.
 """
 
 from __future__ import annotations
@@ -14,6 +15,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from . import cap
 from .lights import dot
 
 Float = NDArray[np.floating[Any]]
@@ -34,9 +36,12 @@ class PanelDraw:
     ----------
     corner, first, second : (k, 3) metres: a corner of each and the two sides from it.
     square : (k,) bool, whether it is the parallelogram of the two sides, not the triangle.
+    ellipses : whether all are the ellipses that touch the sides of their parallelograms.
     """
 
-    def __init__(self, corner: Float, first: Float, second: Float, square: NDArray[np.bool_]) -> None:
+    def __init__(self, corner: Float, first: Float, second: Float, square: NDArray[np.bool_], *,
+                 ellipses: bool = False) -> None:
+        self._ellipses = ellipses
         self._exact = np.stack([corner, first, second]).astype(np.float64)
         self._corner, self._first, self._second = self._exact.astype(np.float32)
         self._square, self._all_square = square, bool(square.all())
@@ -53,7 +58,9 @@ class PanelDraw:
         (n, 3) float32 metres, and (n,) float32 what weights of evenly spread samples are multiplied by.
         """
         even = u, v
-        if not self._all_square:
+        if self._ellipses:
+            u, v = (np.float32(0.5) + np.float32(0.5) * across for across in cap.disc(np.stack([u, v], axis=1)))
+        elif not self._all_square:
             square, root = self._square[panel], np.sqrt(u)
             u, v = np.where(square, u, 1 - root), np.where(square, v, root * v)
         scale = np.ones(len(points), np.float32)
@@ -64,6 +71,9 @@ class PanelDraw:
             rows, near = np.flatnonzero(view.near), near[view.near]
             u, v = u.copy(), v.copy()
             u[near], v[near], scale[near] = view.crowded(rows, self._square[panel[near]], even[0][near], even[1][near])
+            if self._ellipses:
+                inside = (u[near] - 0.5) ** 2 + (v[near] - 0.5) ** 2 < 0.25
+                scale[near] *= np.where(inside, np.float32(4 / np.pi), 0)
         target = np.take(self._corner, panel, axis=0)
         target += np.take(self._first, panel, axis=0) * u[:, None]
         target += np.take(self._second, panel, axis=0) * v[:, None]

@@ -122,6 +122,23 @@ def test_a_room_that_faces_outward_is_told_by_its_lamp(stage):
     fires_and_not("Room", "flipped", mend)
 
 
+@pytest.mark.parametrize("kind", ["PERSP", "ORTHO"])
+def test_backs_that_the_camera_sees_are_told(stage, kind):
+    # A square that faces up, two metres above a camera that looks up at it. Exact answer: its backs fill the part that
+    # it has of the view there, which is 1.44 x .81 m (50 mm on 36 x 20.25) or 2 x 1.125 m (ortho).
+    high = stage.mesh("High")
+    high.location = (0, 0, 3)
+    camera = stage.object("Eye", bpy.data.cameras.new("Eye"))
+    camera.data.type, camera.data.ortho_scale = kind, 2.0
+    camera.location, camera.rotation_euler.x = (0.5, 0.5, 1), np.pi
+    bpy.context.scene.camera = camera
+    found = find(bpy.context.scene, bpy.context.view_layer, Settings(**SETTINGS))
+    [told] = [entry["message"] for entry in found.warnings if entry["code"] == "back_seen"]
+    width, height = (1.44, 0.81) if kind == "PERSP" else (2.0, 1.125)
+    assert f"fill {min(1, width) * min(1, height) / (width * height):.0%} of" in told
+    fires_and_not("High", "back_seen", lambda: high.data.polygons[0].flip())
+
+
 def test_an_edge_of_three_faces_is_told(stage):
     points = ((0, 0, 0), (1, 0, 0), (1, 1, 0), (0, 1, 0), (0, 0, 1), (1, 0, 1), (0, -1, 0), (1, -1, 0))
     plate = stage.mesh("Plate", points, ((0, 1, 2, 3), (1, 0, 4, 5), (1, 0, 6, 7)))

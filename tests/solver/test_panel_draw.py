@@ -17,6 +17,7 @@ LAMPS = {
     "triangle": MeshEmitter("b", HALVES[:1], np.ones((1, 3))),
     "two triangles": MeshEmitter("c", HALVES * [[[1, 1, 1]], [[1.3, 1.1, 1]]], np.ones((2, 3))),
     "area lamp": Area("d", np.array([0.5, 0.8, 0]), np.array([1.0, 0.1, 0]), np.array([0.2, 1.5, 0]), np.ones(3)),
+    "ellipse": Area("e", np.array([0.5, 0.8, 0]), np.array([1.0, 0, 0]), np.array([0, 1.5, 0]), np.ones(3), round=True),
 }
 # Before the middle, the rim and a corner, beside it, and on both sides of where near begins.
 PLACES = [(0.5, 0.6, 0.02), (0.5, 0.5, 1e-3), (0.2, 0.9, 0.05), (0.05, 0.06, 0.03), (-0.3, 0.2, 0.05), (0.7, 0.8, 0.8),
@@ -28,7 +29,7 @@ PLACES = [(0.5, 0.6, 0.02), (0.5, 0.5, 1e-3), (0.2, 0.9, 0.05), (0.05, 0.06, 0.0
 def test_samples_give_the_closed_form_from_near_and_far(lamp, place):
     # 65,536 quasi-random points of the lamp, receivers that face it and that look askew, from both sides of a panel.
     light = LAMPS[lamp]
-    side = np.array([1, 1, float(light.normal[2]) if lamp == "area lamp" else 1])
+    side = np.array([1, 1, float(light.normal[2]) if isinstance(light, Area) else 1])
     points, normals = arrays([place * side] * 2, [(0, 0, -side[2]), (0.6, 0, -0.8 * side[2])])
     exact = light.irradiance(points, normals)
     assert sampled(light, points, normals, 2**16) == pytest.approx(exact, rel=0.01, abs=1e-4 * np.pi)
@@ -65,6 +66,23 @@ def test_few_rays_know_that_the_near_part_of_a_lamp_is_hidden():
     far = np.where(outline[..., :1] > 0, [-0.2, 0, 0], outline * [1, 0, 0]) + outline * [0, 1, 1]
     points, normals = arrays([(0, 0, 0)], (0, 0, 1))
     exact = float(polygon_form_factor(points, normals, far)[0] / polygon_form_factor(points, normals, outline)[0])
+    assert 0.0005 < exact < 0.005
+    found = np.array([_part_that_is_seen(light, 16 * number) for number in range(100)])
+    assert found.max() < 0.05
+    assert found.mean() == pytest.approx(exact, rel=0.5)
+
+
+def test_few_rays_know_that_the_near_part_of_a_round_lamp_is_hidden():
+    # A disc of a square metre instead of the square: its part beyond x = -.2 has about .2 % of its light, too.
+    side = np.pi**-0.5
+    light = Area("disc", np.array([0, 0, 0.02]), np.array([0, 2 * side, 0]), np.array([2 * side, 0, 0]), np.ones(3),
+                 round=True)
+    outline = light.outline(1024)
+    points, normals = arrays([(0, 0, 0)], (0, 0, 1))
+    beyond = np.where(outline[:, :1] > -0.2, outline * [0, 1, 1] + [-0.2, 0, 0], outline)
+    within = np.abs(outline[:, 1]) <= (side**2 - 0.2**2) ** 0.5
+    far = polygon_form_factor(points, normals, beyond[within | (outline[:, 0] < -0.2)])
+    exact = float(far[0] / polygon_form_factor(points, normals, outline)[0])
     assert 0.0005 < exact < 0.005
     found = np.array([_part_that_is_seen(light, 16 * number) for number in range(100)])
     assert found.max() < 0.05
