@@ -23,7 +23,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .across import links
-from .adaptive import gather_adaptively
+from .adaptive import PEAK, gather_adaptively
 from .audit import Auditor, Truth, error_bar
 from .cells import Cells
 from .closure import PatchTable, patch_table
@@ -70,6 +70,8 @@ PILOT_RAYS, PATH_SHARE = 16, 4
 # its fair part of what is wanted.
 MOST_REFINEMENTS = 6
 REFINE_SHARE = 3.0
+# No more patches than one of so many that are planned are split for being wide.
+WIDE_SHARE = 16
 # Where the triangles that the receivers see have no more cells than this, all of them take part, met or not, and the
 # energy adds up over whole surfaces.
 COMPLETE_CELLS = 2**18
@@ -163,9 +165,11 @@ class _Work:
                 transport.retrace(rays)
             with self.stages("solve"):
                 self.linear = transport.solve(ROUGH)
-        for _ in range(MOST_REFINEMENTS):
+        transport.peak = PEAK * (looks.straight + self._seen_light(transport))
+        for number in range(MOST_REFINEMENTS):
             with self.stages("refine"):
-                if not transport.refine(*self._refinement(transport)):
+                wide = transport.wide(self.plan.patches // WIDE_SHARE if number == 0 else 0)
+                if not transport.refine(*self._refinement(transport), wide):
                     break
                 transport.discover(rays)
             with self.stages("solve"):

@@ -6,7 +6,8 @@ Where we leave the textbook:
 
 1. Where most rays meet something nearer than its patch is wide (the gap behind a board, the inside of a drawer), the
    patches' means say little. There, rays go on, bounce by bounce, until they ask a patch from afar. So do rays that
-   meet the back of something near: what of a footprint lies inside of a solid is confined.
+   meet the back of something near: what of a footprint lies inside of a solid is confined. Bright cells are near from
+   further away (`Transport.table`).
 2. What a ray brings beyond `peak` is kept apart: few rays meet a strip of ceiling right over a lamp, and a receiver
    that happens to has a speckle. Both parts are smoothed, each by its own noise, and add up to the whole.
 """

@@ -39,6 +39,8 @@ NEAR_WEIGHT = 4.0
 SMALL_SHELL = 0.5
 # Rooms that a box is told apart into, at most.
 MOST_ROOMS = 4
+# Points lie flat along an axis if they are apart by less than this part of the widest.
+FLAT = np.float32(0.02)
 # Spots of a thread's piece of work, and the fewest that are worth one.
 CHUNK, LEAST = 2**15, 2**11
 
@@ -92,6 +94,7 @@ class Patches:
 
     Attributes
     ----------
+    view : how far the receivers usually see, metres.
     level : (p,) int32 of each patch; its box has the edge `edge / 2^level`.
     """
 
@@ -101,7 +104,7 @@ class Patches:
         # Of each patch, the place that others are compared with.
         self._place, self._facing = np.empty((0, 3), np.float32), np.empty((0, 3), np.float32)
         self._room = np.empty(0, np.float32)
-        self._shells, self._view = shells, view
+        self._shells, self.view = shells, view
         self._low = np.asarray(low, np.float64)
         self.edge = max(float(np.max(np.asarray(high, np.float64) - self._low)) * 1.001, 1e-30)
         self.depth = int(np.clip(np.floor(np.log2(max(self.edge / smallest, 1.0))), 0, MOST_LEVELS))
@@ -158,10 +161,20 @@ class Patches:
             if not len(weight):
                 break
 
-    def split(self, patches: Int) -> None:
-        """Split the boxes of some patches; those at the smallest size stay."""
-        for level in range(self.depth):
-            self._add_split(level, self.key[patches[self.level[patches] == level]])
+    def split(self, spots: Spots, patch: NDArray[np.int32], width: Float) -> None:
+        """Split the boxes of some patches, down to boxes no wider than what of them lies there; those of the smallest
+        size stay.
+
+        Parameters
+        ----------
+        spots, patch : where the cells of these patches lie, and the patch (n,) of each.
+        width : (p,) of all patches, see `widths`.
+        """
+        goal = np.ceil(np.log2(self.edge / np.maximum(width, self.edge * 2.0**-MOST_LEVELS))).astype(np.int32)
+        goal = np.clip(goal, self.level + 1, self.depth)[patch]
+        start, marks = self.level[patch], self._marks(spots)
+        for level in range(int(start.min(initial=self.depth)), self.depth):
+            self._add_split(level, self._keys(marks.where((start <= level) & (level < goal)), level))
 
     def of(self, spots: Spots, run: Run | None = None) -> NDArray[np.int32]:
         """The patch of each spot (n,) int32; new patches are numbered in the order of their names."""
@@ -185,12 +198,6 @@ class Patches:
             if not len(rest):
                 break
         return keys, level
-
-    def part(self, points: Float, patches: Int) -> NDArray[np.uint8]:
-        """Which eighth of its patch's box each point lies in, 0 ... 7."""
-        half = self.edge / 2.0 ** (self.level[patches] + 1)
-        voxel = np.floor((points - self._low) / half[:, None]).astype(np.int64) & 1
-        return np.asarray(voxel @ np.array([1, 2, 4]), np.uint8)
 
     def _rooms(self, spots: Spots, keys: Keys, level: Int, run: Run) -> NDArray[np.int32]:
         """The patch of each spot (n,): of a box's patches the first that no wall hides from it."""
@@ -245,7 +252,7 @@ class Patches:
         axis = np.argmax(np.abs(spots.normals), axis=1)
         facing = 4 * axis + 2 * (spots.normals[np.arange(len(axis)), axis] > 0) + spots.front
         with np.errstate(divide="ignore"):
-            gap = np.floor(np.log(np.minimum(spots.gap / self._view, 1.0)) / np.log(GAP_FACTOR))
+            gap = np.floor(np.log(np.minimum(spots.gap / self.view, 1.0)) / np.log(GAP_FACTOR))
         shell = self._shells.of_triangle[spots.triangle]
         return _Marks(spots.points.astype(np.float64) - self._low, axis, facing, shell, self._shells.extent[shell],
                       np.maximum(gap, -GAP_CLASSES).astype(np.int64))
@@ -280,6 +287,14 @@ class _Marks:
     def where(self, chosen: NDArray[np.bool_]) -> _Marks:
         """Those of them that are chosen."""
         return _Marks(*(np.compress(chosen, getattr(self, name), axis=0) for name in self.__dataclass_fields__))
+
+
+def eighths(points: Float) -> NDArray[np.uint8]:
+    """Which eighth of what they span points (p, n, 3) lie in, (p, n) 0 ... 7, by their mean along each axis. Where they
+    lie flat, rounding is no difference."""
+    away = points - points.mean(axis=1, keepdims=True)
+    widest = np.abs(away).max(axis=(1, 2), keepdims=True)
+    return np.asarray((away > FLAT * widest) @ np.array([1, 2, 4]), np.uint8)
 
 
 def _contains(sorted_keys: Keys, keys: Keys) -> NDArray[np.bool_]:

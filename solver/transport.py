@@ -21,7 +21,7 @@ from .linear import LinearResult
 from .met import Met
 from .met_cells import MetCells
 from .parallel import Run, shares, slices
-from .patches import Patches
+from .patches import Patches, eighths
 from .row_starts import RowStarts
 from .row_system import solve_rows
 from .rows import Rows
@@ -46,6 +46,8 @@ SUMMED_CELLS = 2**16
 MOST_WAVES = 8
 # A patch lies in a gap if all rays of its row end nearer than this part of its width.
 GAP = 0.25
+# What is a peak counts as so many times as wide as its patch: rays that meet it look further from further away.
+PEAK_WIDTH = np.float32(4.0)
 # A cell's light is asked for anew where this many rays meet it for each point at which it was.
 AGAIN = 16
 
@@ -61,6 +63,7 @@ class Transport:
     rows, late_rows : form factors of the patches that were solved, and of those that were met afterwards.
     starts : where rows start, and how many rays they have.
     keeper : takes down the ways of gather rays, if given.
+    peak : radiosity far beyond the usual, W/m2 (mean of the channels).
     """
 
     # What `_unsettle` forgets: cells up to `_settled` are in the tables; of these, those at `_stale` have to be worked
@@ -84,6 +87,7 @@ class Transport:
         self.late_rows: list[Rows] = []
         self.starts = RowStarts(cells, patches, self.met, self._cell_patch)
         self.keeper: PathKeeper | None = None
+        self.peak = np.inf
         # Patches below `_solved` were there at the last solve; `_unsolved` of them have cells and no row.
         self._solved, self._unsolved = 0, np.empty(0, np.int64)
         self._unsettle()
@@ -163,8 +167,8 @@ class Transport:
         return Met(hits, sides, known, missed, sky)
 
     def table(self) -> Float:
-        """(cells + 1, 4) float32: radiosity of every met side of a cell, B = E + rho H, and the width of its patch in
-        metres; the last row is nothing.
+        """(cells + 1, 4) float32: radiosity of every met side of a cell, B = E + rho H, and the width in metres that it
+        counts as, that of its patch or, for peaks, PEAK_WIDTH times as much; the last row is nothing.
 
         Patches that were met after the last solve count as wide as their boxes.
         """
@@ -190,7 +194,9 @@ class Transport:
         reflectance = np.take(self.cell_reflectance, rows, axis=0)
         direct = np.take(self.cell_direct, rows, axis=0)
         self._table.values[rows, :3] = direct + reflectance * np.nan_to_num(irradiance)
-        self._table.values[rows, 3] = self._extent[patch]
+        width = self._extent[patch]
+        width[self._table.values[rows, :3].mean(axis=1) > self.peak] *= PEAK_WIDTH
+        self._table.values[rows, 3] = width
         for group, table in enumerate(self._tables):
             direct = np.take(self.met.direct_of(group), rows, axis=0)
             table.values[rows, :3] = direct + reflectance * np.nan_to_num(np.take(self.apart[group], patch, axis=0))
@@ -260,11 +266,11 @@ class Transport:
         met = met.where_above(directions, np.take(spots.normals, order[member], axis=0))
         sky = np.zeros((0 if self.geometry.scene.sky.is_black else len(met.sides), 3), np.float32)
         sky[met.missed] = met.sky
-        eighth = self.patches.part(points3, np.repeat(patches[part], rays))
         sides = met.sides.reshape(-1, rays).copy()
-        gap = met.hits.distance.reshape(-1, rays) < GAP * width[part, None]
-        sides[gap.all(axis=1), -1] = NOTHING
-        return (sides, sky.reshape(-1, rays, 3), eighth.reshape(-1, rays),
+        gap = np.flatnonzero((met.hits.distance.reshape(-1, rays) < GAP * width[part, None]).all(axis=1))
+        absorbed = 1 - self.cell_reflectance[order[member.reshape(-1, rays)[gap]]].mean(axis=1).max(axis=1)
+        sides[gap[absorbed * rays < 1], -1] = NOTHING
+        return (sides, sky.reshape(-1, rays, 3), eighths(points3.reshape(-1, rays, 3)),
                 met.fresh(directions, self.geometry.normal))
 
     # --- solve ---------------------------------------------------------------------------------------------------
@@ -284,27 +290,49 @@ class Transport:
                 self.rows += self.trace_rows(patches, count)
             self.run.report((wave + 1) / MOST_WAVES)
 
-    def refine(self, tolerance: float, weight: Float) -> int:
-        """Split the patches inside which the solution varies; return how many.
+    def refine(self, tolerance: float, weight: Float, wide: Int) -> int:
+        """Split the patches inside which the solution varies, and those that are too wide; return how many.
 
         Parameters
         ----------
         tolerance : a patch is split where weight * (root mean square of its eighths' deviation) is above this.
         weight : (p,) what a deviation of 1 W/m2 of a patch matters.
+        wide : patches, see `wide`; they are split down to what the receivers see at once.
         """
         chosen = np.zeros(len(self.patches), bool)
         table = np.ascontiguousarray(self.leaving().mean(axis=1))
         for rows, deviation in zip(self.rows, self.run.map(lambda rows: rows.deviation(table), self.rows), strict=True):
             chosen[rows.patch] = deviation * weight[rows.patch] > tolerance
+        chosen[wide] = True
         chosen &= self.patches.level < self.patches.depth
         if chosen.any():
-            self.patches.split(np.flatnonzero(chosen))
             moved = np.flatnonzero(chosen[self.cell_patch])
-            self.cell_patch[moved] = self.patches.of(self.met.spots.take(moved), self.run)
+            spots = self.met.spots.take(moved)
+            assert self._extent is not None
+            extent = self._extent.copy()
+            extent[wide] = np.minimum(extent[wide], self.patches.view)
+            self.patches.split(spots, self.cell_patch[moved], extent)
+            self.cell_patch[moved] = self.patches.of(spots, self.run)
             self._make_room()
             self.rows = [rows.take(~chosen[rows.patch]) for rows in self.rows if not chosen[rows.patch].all()]
             self._unsettle()
         return int(chosen.sum())
+
+    def wide(self, most: int) -> Int:
+        """Patches that reach over more than the receivers see at once, and in which lamps make some cells peaks, others
+        not: `most` of them, those first that differ most. What bounces there differs too, and the few rays of a row
+        that matters little don't tell.
+
+        Of a slot beside a lamp few cells are known. They were in one patch with dark ones far away.
+        """
+        self.table()
+        assert self._extent is not None
+        light = self.cell_direct.mean(axis=1, dtype=np.float64)
+        number, bright, whole, square = (np.bincount(self.cell_patch, weight, len(self.patches))
+                                         for weight in (None, light > self.peak, light, light**2))
+        wide = np.flatnonzero((self._extent > self.patches.view) & (bright > 0) & (bright < number))
+        varied = square[wide] - whole[wide] ** 2 / number[wide]
+        return np.asarray(wide[np.argsort(-varied, kind="stable")][:most])
 
     def level_noise(self, weight: Float) -> float:
         """About the standard deviation that the rows' noise gives a mean of the patches' irradiance, W/m2.

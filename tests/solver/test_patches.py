@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from radiosity.solver.geometry import Geometry
-from radiosity.solver.patches import Patches, Spots
+from radiosity.solver.patches import Patches, Spots, eighths
 from radiosity.solver.shells import Shells
 from radiosity.tests.solver.rooms import EAST, WEST, box, quad
 
@@ -117,9 +117,9 @@ def test_splitting_one_patch_makes_children_of_half_its_size_and_leaves_the_othe
     patches.grow(spots, np.ones(2000, np.float32), np.full(2000, 100, np.float32), 600)
     before = patches.of(spots)
     chosen = before[0]
-    patches.split(np.array([chosen]))
-    after = patches.of(spots)
     inside = before == chosen
+    patches.split(spots.take(np.flatnonzero(inside)), before[inside], patches.size())
+    after = patches.of(spots)
     assert np.array_equal(after[~inside], before[~inside])
     assert not set(after[inside].tolist()) & set(before.tolist())
     assert 2 <= len(set(after[inside].tolist())) <= 4
@@ -131,21 +131,34 @@ def test_nothing_is_split_below_the_smallest_size():
     geometry, patches = _patches(quad((0, 0, 0), (2, 0, 0), (0, 2, 0)), smallest=0.4)
     spots = _spots(geometry, [0, 1], number=2000)
     patches.grow(spots, np.ones(2000, np.float32), np.full(2000, 100, np.float32), 1)
-    patches.split(np.unique(patches.of(spots)))
+    patches.split(spots, patches.of(spots), patches.size())
     number = patches.of(spots)
     assert patches.size()[number] == pytest.approx(2.002 / 4)
 
 
-def test_the_eighths_of_a_patch_are_the_octants_of_its_box():
-    # One box over a floor of 2 m: eighths by the sign of x and y about the middle; none lies above another.
+def test_a_patch_in_a_corner_of_its_box_is_split_at_once():
+    # Spots on 10 cm of a floor of 2 m, in one box. Exact answer: one split leaves less than half of them together, as
+    # it would of spots all over the floor; halving the box would leave all of them so.
     geometry, patches = _patches(quad((0, 0, 0), (2, 0, 0), (0, 2, 0)))
-    spots = _spots(geometry, [0, 1], number=2000)
-    part = patches.part(spots.points, patches.of(spots))
-    far = np.abs(spots.points[:, :2]).min(axis=1) > 0.01  # the box is .1 % wider than the floor
-    sign = (spots.points > 0)[far]
-    assert np.array_equal(part[far] & 1, sign[:, 0])
-    assert np.array_equal(part[far] >> 1 & 1, sign[:, 1])
-    assert len(set((part >> 2).tolist())) == 1
+    spots = _spots(geometry, [0, 1], number=200000)
+    corner = spots.take(np.flatnonzero((spots.points[:, :2] < -0.9).all(axis=1)))
+    before = patches.of(corner)
+    assert len(set(before.tolist())) == 1
+    patches.split(corner, before, np.full(len(patches), 0.1, np.float32))
+    assert np.bincount(patches.of(corner)).max() < 0.5 * len(corner)
+
+
+def test_eighths_are_told_apart_by_the_mean_of_what_lies_there():
+    # Points on a floor in the corner of anything: eighths by the sign of x and y about their mean; none lies above
+    # another, though the last digits of their heights differ.
+    rng = np.random.default_rng(0)
+    points = np.float32([70, 30, 5]) + rng.random((3, 500, 3)).astype(np.float32) * np.float32([0.1, 0.1, 1e-5])
+    sign = points > points.mean(axis=1, keepdims=True)
+    part = eighths(points)
+    far = (np.abs(points - points.mean(axis=1, keepdims=True))[..., :2] > 0.005).all(axis=2)
+    assert np.array_equal((part & 1)[far], sign[..., 0][far])
+    assert np.array_equal((part >> 1 & 1)[far], sign[..., 1][far])
+    assert not (part >> 2).any()
 
 
 def test_the_free_room_in_front_of_a_spot_is_what_a_ray_finds():
