@@ -99,13 +99,14 @@ def gather_adaptively(transport: Transport, fans: Fans, plan: Plan, level: float
     for _ in range(MOST_ROUNDS):
         error = np.sum(errors, axis=0)
         light = (looks[0] + looks[1]).sum(axis=1)[:, :6]
-        lit = max(lit, float(light.any(axis=1).mean()))
+        found = light.any(axis=1)
+        lit = max(lit, float(found.mean()))
         # Of all receivers; above zero, also where all is dark and nothing is left to be wanted.
         wanted = max((plan.gather_error * (level + float(light.mean()))) ** 2 / max(lit, LEAST_LIT), DARK)
         most = MOST_FACTOR * half / rays
         factor = _speckle_factors(error, wanted, most)
         if _mean(error) > wanted * CLOSE_ENOUGH**2:
-            factor = np.maximum(factor, _factors(_known(error, near), wanted, most))
+            factor = np.maximum(factor, _factors(_known(error, found, near), wanted, most))
         if not (factor > 1).any():
             break
         _go_on(gather, fans, looks, rays, factor, seed, run)
@@ -201,10 +202,11 @@ def _errors(looks: list[Float], near: Kernels | None, run: Run, changed: Int | N
     return [remaining_after(*part, changed, known, near, run) for part, known in zip(parts, before, strict=True)]
 
 
-def _known(error: Float, near: Kernels | None) -> Float:
-    """(n,) float64: errors with a part of their mean over all that have any."""
+def _known(error: Float, found: NDArray[np.bool_], near: Kernels | None) -> Float:
+    """(n,) float64: errors with a part of their mean over all that have any or where light was `found` (n,): two looks
+    may find the same by chance."""
     prior = LONE_PRIOR if near is None else PRIOR
-    some = error > 0
+    some = found | (error > 0)
     return np.where(some, (1 - prior) * error + prior * error.mean(where=some), 0).astype(np.float64)
 
 

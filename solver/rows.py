@@ -21,7 +21,7 @@ class Rows:
 
     patch : (p,) int32.
     hits : (p, rays) int32 rows of `cells`, NOTHING for the sky.
-    part : (p, rays) uint8, the eighth of the patch's box that each ray starts in.
+    part : (p, rays) uint8, the eighth of what the patch's rays start from that each ray starts in.
     sky : (p, rays, 3) float32, irradiance from the sky that each ray stands for, W/m2; None for a black sky.
     """
 
