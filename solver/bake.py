@@ -165,12 +165,14 @@ class _Work:
                 transport.retrace(rays)
             with self.stages("solve"):
                 self.linear = transport.solve(ROUGH)
-        transport.peak = PEAK * (looks.straight + self._seen_light(transport))
-        for number in range(MOST_REFINEMENTS):
+        with self.stages("refine"):
+            transport.peak = PEAK * (looks.straight + self._seen_light(transport))
+            wide = transport.wide(self.plan.patches // WIDE_SHARE)
+        for _ in range(MOST_REFINEMENTS):
             with self.stages("refine"):
-                wide = transport.wide(self.plan.patches // WIDE_SHARE if number == 0 else 0)
                 if not transport.refine(*self._refinement(transport), wide):
                     break
+                wide = wide[:0]
                 transport.discover(rays)
             with self.stages("solve"):
                 self.linear = transport.solve(ROUGH)
