@@ -4,6 +4,10 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+# What is told where nothing can hold light.
+NO_OPAQUE_FACE = ("no object that is to be baked has an opaque face with an area: give its faces a material that light "
+                  "does not go straight through (Principled BSDF), or bake other objects")
+
 
 @dataclass(frozen=True)
 class Binding:

@@ -20,7 +20,7 @@ from ..solver.errors import NothingToBake
 from ..solver.lights import Light
 from ..solver.scene import Scene, Sky
 from ..solver.settings import Settings
-from .binding import Binding
+from .binding import NO_OPAQUE_FACE, Binding
 from .cycles_elsewhere import Elsewhere
 from .giants import with_fair_shares
 from .lamp_nodes import Emissions, emission_parts
@@ -148,7 +148,7 @@ def _lit(found: Surfaces, lights: tuple[Light, ...], sky: Sky, settings: Setting
     """The whole, of arrays alone."""
     made = with_fair_shares(found.assembly.scene(lights, sky), settings, warnings)
     if not any(surface.receives for surface in made.surfaces):
-        raise NothingToBake("no object that is to be baked has an opaque face with an area")
+        raise NothingToBake(NO_OPAQUE_FACE)
     if not made.lights and made.sky.is_black and not np.asarray(made.emission).any():
         raise NothingToBake("the scene has no light: add a lamp, an emissive material, or light in the world")
     bindings = tuple(replace(binding, receives=surface.receives)

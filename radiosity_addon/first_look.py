@@ -18,6 +18,7 @@ from ..solver.lights import Light
 from ..solver.parallel import Run
 from ..solver.scene import Scene, Sky, surface_of_triangle
 from ..solver.settings import Settings
+from .binding import NO_OPAQUE_FACE
 from .coarse_light import Places, coarse_light
 from .confined import confined
 from .look import Look, mean_colours, receiving_triangles
@@ -48,7 +49,7 @@ class Shapes:
     def __init__(self, scene: Scene) -> None:
         self.shown = receiving_triangles(scene)
         if not len(self.shown):
-            raise NothingToBake("no object that is to be baked has an opaque face with an area")
+            raise NothingToBake(NO_OPAQUE_FACE)
         hidden = np.setdiff1d(np.arange(len(scene.triangles)), self.shown, assume_unique=True)
         self.geometry = Geometry(scene)
         self.grids = [_Grid(self.geometry, triangles) for triangles in (self.shown, hidden) if len(triangles)]

@@ -100,9 +100,9 @@ def gather_adaptively(transport: Transport, fans: Fans, plan: Plan, level: float
         error = np.sum(errors, axis=0)
         light = (looks[0] + looks[1]).sum(axis=1)[:, :6]
         found = light.any(axis=1)
-        lit = max(lit, float(found.mean()))
+        lit = max(lit, float(found.mean()), LEAST_LIT)
         # Of all receivers; above zero, also where all is dark and nothing is left to be wanted.
-        wanted = max((plan.gather_error * (level + float(light.mean()))) ** 2 / max(lit, LEAST_LIT), DARK)
+        wanted = max((plan.gather_error * (level + float(light.mean()))) ** 2 / lit, DARK)
         most = MOST_FACTOR * half / rays
         factor = _speckle_factors(error, wanted, most)
         if _mean(error) > wanted * CLOSE_ENOUGH**2:
@@ -121,7 +121,7 @@ def gather_adaptively(transport: Transport, fans: Fans, plan: Plan, level: float
             needed = around(alone, [*near, *near])
             again = _value([look[needed] for look in looks], among(needed, near), run)
             value[alone] = again[np.searchsorted(needed, alone)]
-    return Gathered(value[:, :3], value[:, 3:6], value[:, 6:], np.sum(errors, axis=0), max(lit, LEAST_LIT))
+    return Gathered(value[:, :3], value[:, 3:6], value[:, 6:], np.sum(errors, axis=0), lit)
 
 
 def _mean(error: Float) -> float:

@@ -55,6 +55,7 @@ from .seam_samples import seam_samples
 from .seams import Seams
 from .settings import Settings
 from .shells import Shells
+from .sight import Sight
 from .sources import light_sources
 from .split import Split, group_light, split_lights
 from .transport import Transport
@@ -145,8 +146,8 @@ class _Work:
             step = max(1, len(places) * PILOT_RAYS // pilot)
             self.fans = Fans(places)
             some = np.arange(0, len(places), step)
-            self.seen = Gather(transport).meet(self.fans, Look(some, PILOT_RAYS, 0, seed + 1), self.run)
-            transport.starts.see(self.seen)
+            seen = Sight(transport, Gather(transport).meet(self.fans, Look(some, PILOT_RAYS, 0, seed + 1), self.run))
+            transport.starts.see(seen.cell)
             transport.meet_whole(cells.companions(COMPLETE_CELLS))
         rays = self.plan.rays_of_row(len(transport.patches))
         with self.stages("form factors"):
@@ -154,8 +155,8 @@ class _Work:
         with self.stages("solve"):
             self.linear = transport.solve(ROUGH)
         for _ in range(MOST_RETRACED):
-            level = self.lamps + looks.straight + self._seen_light(transport)
-            noise = transport.level_noise(self._seen_share(transport)) / max(level, 1e-30)
+            level = self.lamps + looks.straight + seen.light()
+            noise = transport.level_noise(seen.share()) / max(level, 1e-30)
             more = rays * MORE_RAYS
             too_many = more > MOST_ROW_RAYS or more * len(transport.patches) > MOST_HITS
             if noise <= LEVEL_SHARE * self.settings.error or too_many:
@@ -166,11 +167,12 @@ class _Work:
             with self.stages("solve"):
                 self.linear = transport.solve(ROUGH)
         with self.stages("refine"):
-            transport.peak = PEAK * (looks.straight + self._seen_light(transport))
+            transport.peak = PEAK * (looks.straight + seen.light())
             wide = transport.wide(self.plan.patches // WIDE_SHARE)
         for _ in range(MOST_REFINEMENTS):
             with self.stages("refine"):
-                if not transport.refine(*self._refinement(transport), wide):
+                tolerance = REFINE_SHARE * self.settings.error * seen.light() / np.sqrt(max(self.plan.patches, 1))
+                if not transport.refine(tolerance, seen.matters(), wide):
                     break
                 wide = wide[:0]
                 transport.discover(rays)
@@ -180,32 +182,8 @@ class _Work:
             self.linear = transport.solve(TOLERANCE)
             transport.solve_apart(TOLERANCE)
         refuse_singular(self.linear, self.scene)
-        self.usual = looks.straight + self._seen_light(transport)
+        self.usual = looks.straight + seen.light()
         return transport
-
-    def _refinement(self, transport: Transport) -> tuple[float, Float]:
-        """How far a patch's eighths may differ, and what such a difference matters: its share of what rays meet."""
-        level = self._seen_light(transport)
-        tolerance = REFINE_SHARE * self.settings.error * level / np.sqrt(max(self.plan.patches, 1))
-        reflectance = self._reflectance(transport)
-        return tolerance, np.sqrt(self._seen_share(transport) * reflectance)
-
-    def _seen_light(self, transport: Transport) -> float:
-        """Mean radiosity that the receivers' rays meet, the sky's rays counted as dark, W/m2."""
-        return float(transport.leaving().mean(axis=1)[self.seen].mean())
-
-    def _seen_share(self, transport: Transport) -> Float:
-        """(p,) the share of the receivers' rays that meet each patch, times what it reflects."""
-        patch = transport.cell_patch[self.seen[self.seen >= 0]]
-        share = np.bincount(patch, minlength=len(transport.patches)) / max(len(self.seen), 1)
-        return np.asarray(share * self._reflectance(transport))
-
-    @staticmethod
-    def _reflectance(transport: Transport) -> Float:
-        """(p,) mean reflectance of each patch."""
-        count = len(transport.patches)
-        total = np.bincount(transport.cell_patch, transport.cell_reflectance.mean(axis=1), count)
-        return np.asarray(total / np.maximum(np.bincount(transport.cell_patch, minlength=count), 1))
 
     def light(self, receivers: Receivers, near: Neighbours) -> tuple[Float, Float]:
         """Direct (with the sky's and gathered emitters') and indirect irradiance of receivers: (n, 3) each, W/m2."""

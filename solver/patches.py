@@ -142,6 +142,23 @@ class Patches:
         own = np.bincount(patch, area, count) / number
         return np.asarray(np.minimum(np.sqrt(12 * square + own), self.size()), np.float32)
 
+    def uneven(self, patch: NDArray[np.int32], light: Float, peak: float, width: Float) -> Int:
+        """Patches that reach over more than the receivers see at once and in which some cells are brighter than `peak`,
+        others not; those first that differ most. Where a row matters little, its few rays don't tell.
+
+        Of a slot beside a lamp few cells are known. They were in one patch with dark ones far away.
+
+        Parameters
+        ----------
+        patch, light : of cells: the patch (n,) of each, and its radiosity by lamps alone (n,) float64, W/m2.
+        width : (p,) see `widths`.
+        """
+        number, bright, whole, square = (np.bincount(patch, weight, len(self))
+                                         for weight in (None, light > peak, light, light**2))
+        uneven = np.flatnonzero((width > self.view) & (bright > 0) & (bright < number))
+        varied = square[uneven] - whole[uneven] ** 2 / number[uneven]
+        return np.asarray(uneven[np.argsort(-varied, kind="stable")])
+
     def grow(self, spots: Spots, weight: Float, seen_from: Float, most: float) -> None:
         """Split boxes until none that can be split holds more than `most` of the weight.
 

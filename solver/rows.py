@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
@@ -79,3 +80,25 @@ class Rows:
         if self.sky is None:
             return value
         return np.asarray(value + (self.sky[..., 0] + self.sky[..., 1] + self.sky[..., 2]) / np.float32(3))
+
+
+def level_noise(rows: Sequence[Rows], weight: Float, leaving: Float, direct: Float) -> float:
+    """About the standard deviation that the noise of rows gives a mean of the patches' irradiance, W/m2.
+
+    All receivers see the same patches: what their rows err by shifts the light of all, and no neighbour tells. Each
+    row's own error goes on by reflection, as the light of the first bounce does.
+
+    Parameters
+    ----------
+    weight : (p,) of each patch in that mean.
+    leaving, direct : (cells + 1,) float32, radiosity of cells, and what of it does not come from patches; mean of the
+        channels.
+    """
+    variance = whole = first = 0.0
+    for some in rows:
+        own = weight[some.patch]
+        value, noise = some.sums(leaving)
+        variance += float((own**2 * noise).sum())
+        whole += float((own * value).sum())
+        first += float((own * some.sums(direct)[0]).sum())
+    return float(np.sqrt(variance)) * whole / max(first, 1e-30)

@@ -1,6 +1,6 @@
 """The transport side: cells with direct light, patches with indirect light, and the form factors between them.
 
-Nothing here knows a lumel. Whoever has rays asks `light_from(hits)`: what met cells have no value yet get one.
+Nothing here knows a lumel. Whoever has rays asks `trace` what they meet; cells that have no value yet get one (`meet`).
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ from .parallel import Run, shares, slices
 from .patches import Patches, eighths
 from .row_starts import RowStarts
 from .row_system import solve_rows
-from .rows import Rows
+from .rows import Rows, level_noise
 from .sampling import cosine_directions, kronecker, shifted, shifts
 from .seen import PLACES, Seen
 from .tables import padded
@@ -169,32 +169,34 @@ class Transport:
     def table(self) -> Float:
         """(cells + 1, 4) float32: radiosity of every met side of a cell, B = E + rho H, and the width in metres that it
         counts as, that of its patch or, for peaks, PEAK_WIDTH times as much; the last row is nothing.
-
-        Patches that were met after the last solve count as wide as their boxes.
         """
         if self._settled < len(self.cells) or not len(self._table):
-            if self._extent is None:
-                self._extent = self.patches.widths(self.cell_patch, self.met.spots.points, self.met.area)
-            self._extent = np.concatenate([self._extent, self.patches.size()[len(self._extent):]])
             # The row of nothing stays the last.
             for table in (self._table, *self._tables):
                 table.cut(self._settled)
                 table.append(np.zeros((len(self.cells) + 1 - self._settled, 4), np.float32))
         stale = np.concatenate([self._stale, np.arange(self._settled, len(self.cells))])
         parts = [stale[part] for part in shares(len(stale), CHUNK_CELLS, LEAST_CELLS)]
-        self._stale = np.concatenate([np.empty(0, np.int64), *self.run.map(self._settle, parts)])
+        settle = partial(self._settle, self._widths())
+        self._stale = np.concatenate([np.empty(0, np.int64), *self.run.map(settle, parts)])
         self._settled = len(self.cells)
         return self._table.values
 
-    def _settle(self, rows: Int) -> Int:
+    def _widths(self) -> Float:
+        """(p,) how wide each patch is, metres; what was met after the last solve counts as wide as its box."""
+        if self._extent is None:
+            self._extent = self.patches.widths(self.cell_patch, self.met.spots.points, self.met.area)
+        self._extent = np.concatenate([self._extent, self.patches.size()[len(self._extent):]])
+        return self._extent
+
+    def _settle(self, width_of_patch: Float, rows: Int) -> Int:
         """Work out the tables' rows of some cells; return those whose patches have no light yet."""
         patch = self.cell_patch[rows]
         irradiance = np.take(self.irradiance, patch, axis=0)
-        assert self._extent is not None
         reflectance = np.take(self.cell_reflectance, rows, axis=0)
         direct = np.take(self.cell_direct, rows, axis=0)
         self._table.values[rows, :3] = direct + reflectance * np.nan_to_num(irradiance)
-        width = self._extent[patch]
+        width = width_of_patch[patch]
         width[self._table.values[rows, :3].mean(axis=1) > self.peak] *= PEAK_WIDTH
         self._table.values[rows, 3] = width
         for group, table in enumerate(self._tables):
@@ -308,10 +310,9 @@ class Transport:
         if chosen.any():
             moved = np.flatnonzero(chosen[self.cell_patch])
             spots = self.met.spots.take(moved)
-            assert self._extent is not None
-            extent = self._extent.copy()
-            extent[wide] = np.minimum(extent[wide], self.patches.view)
-            self.patches.split(spots, self.cell_patch[moved], extent)
+            width = self._widths().copy()
+            width[wide] = np.minimum(width[wide], self.patches.view)
+            self.patches.split(spots, self.cell_patch[moved], width)
             self.cell_patch[moved] = self.patches.of(spots, self.run)
             self._make_room()
             self.rows = [rows.take(~chosen[rows.patch]) for rows in self.rows if not chosen[rows.patch].all()]
@@ -319,41 +320,17 @@ class Transport:
         return int(chosen.sum())
 
     def wide(self, most: int) -> Int:
-        """Patches that reach over more than the receivers see at once, and in which lamps make some cells peaks, others
-        not: `most` of them, those first that differ most. What bounces there differs too, and the few rays of a row
-        that matters little don't tell.
-
-        Of a slot beside a lamp few cells are known. They were in one patch with dark ones far away.
-        """
-        self.table()
-        assert self._extent is not None
-        light = self.cell_direct.mean(axis=1, dtype=np.float64)
-        number, bright, whole, square = (np.bincount(self.cell_patch, weight, len(self.patches))
-                                         for weight in (None, light > self.peak, light, light**2))
-        wide = np.flatnonzero((self._extent > self.patches.view) & (bright > 0) & (bright < number))
-        varied = square[wide] - whole[wide] ** 2 / number[wide]
-        return np.asarray(wide[np.argsort(-varied, kind="stable")][:most])
+        """At most so many patches that hold cells of several places, in some of which lamps make peaks (see
+        `Patches.uneven`); what bounces there differs too."""
+        return self.patches.uneven(self.cell_patch, self.cell_direct.mean(axis=1, dtype=np.float64), self.peak,
+                                   self._widths())[:most]
 
     def level_noise(self, weight: Float) -> float:
-        """About the standard deviation that the rows' noise gives a mean of the patches' irradiance, W/m2.
-
-        All receivers see the same patches: what their rows err by shifts the light of all, and no neighbour tells. Each
-        row's own error goes on by reflection, as the light of the first bounce does.
-
-        Parameters
-        ----------
-        weight : (p,) of each patch in that mean.
-        """
+        """About the standard deviation that the rows' noise gives a mean of the patches' irradiance, W/m2; `weight`
+        (p,) of each patch in that mean."""
         leaving, direct = (np.ascontiguousarray(table.mean(axis=1))
                            for table in (self.leaving(), padded(self.cell_direct)[:, :3]))
-        variance = whole = first = 0.0
-        for rows in self.rows:
-            own = weight[rows.patch]
-            value, noise = rows.sums(leaving)
-            variance += float((own**2 * noise).sum())
-            whole += float((own * value).sum())
-            first += float((own * rows.sums(direct)[0]).sum())
-        return float(np.sqrt(variance)) * whole / max(first, 1e-30)
+        return level_noise(self.rows, weight, leaving, direct)
 
     def retrace(self, rays: int) -> None:
         """Trace all rows anew, with what the old ones told of the patches' importance."""
