@@ -12,6 +12,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import count
 from typing import Any
 
 import numpy as np
@@ -47,10 +48,10 @@ DIRECT_RAYS = 32
 # By which part of their mean the lamps' light in each group may be off (standard deviation): beside a lamp and in
 # penumbrae there are more rays.
 DIRECT_ERROR = 0.1
-# A path ends for certain after this many bounces (a closed room of reflectance .9 has .9^64 = 1e-3 left).
-MOST_BOUNCES = 64
-# From this bounce on, paths end at random in proportion to what they carry.
-ROULETTE_FROM = 3
+# From this bounce on, paths end at random in proportion to what they carry, and one in so many whatever that is: those
+# in boxes that absorb nothing would never. No bounce is the last for certain, or bright closed rooms would seem darker
+# than they are.
+ROULETTE_FROM, MOST_CHANCE = 3, 0.995
 # A lamp that would fill this part of what a point sees (its form factor) is beside it.
 BESIDE = 0.1
 # Where light arrives at fewer than this part of the wanted number of receivers, as many are drawn once more, and so on
@@ -232,22 +233,23 @@ class Auditor:
 
     def _paths(self, places: Footprints, rows: Int, each: int, generator: np.random.Generator,
                run: Run) -> tuple[Float, Float]:
-        count = len(rows) * each
+        paths = len(rows) * each
         # Each group's first bounce and places are a lattice with a random shift of its own (Cranley & Patterson 1976).
         strata = each // GROUPS
         move = generator.random((len(rows) * GROUPS, 4), np.float32)
         lattice = rays_of_places(strata)
         u, v, x, y = (shifted(lattice[:, axis], move[:, axis]).reshape(-1) for axis in range(4))
         points, normals = places.sample(np.repeat(rows, each), x, y)
-        direct = np.zeros((count, 3), np.float32)
+        direct = np.zeros((paths, 3), np.float32)
         indirect = np.zeros_like(direct)
         # A point that a touching face hides has no normal, and gets no light.
         carried = np.repeat(normals.any(axis=1)[:, None], 3, axis=1).astype(np.float32)
-        alive = np.arange(count)
+        alive = np.arange(paths)
         directions = cosine_directions(normals, u[:, None], v[:, None])[:, 0]
         above = np.einsum("ij,ij->i", directions, np.repeat(places.flat_normals(rows), each, axis=0)) > 0
         carried *= above[:, None]
-        for bounce in range(MOST_BOUNCES):
+        for bounce in count():
+            run.check()
             hits = self.geometry.visibility.hits(points, directions)
             run.count(len(points))
             met = hits.triangle >= 0
@@ -360,7 +362,7 @@ def _roulette(carried: Float, bounce: int, generator: np.random.Generator) -> tu
     if bounce < ROULETTE_FROM:
         keep = np.flatnonzero(carried.any(axis=1))
         return keep, carried
-    chance = np.minimum(carried.max(axis=1), np.float32(0.95))
+    chance = np.minimum(carried.max(axis=1), np.float32(MOST_CHANCE))
     stays = generator.random(len(carried), np.float32) < chance
     carried = carried / np.maximum(chance, np.float32(1e-30))[:, None]
     return np.flatnonzero(stays), carried

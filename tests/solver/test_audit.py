@@ -119,3 +119,15 @@ def test_a_closed_dark_box_does_not_use_up_the_audit():
     error = bake((room + dark).scene(), Settings(error=0.1, texel_density=10)).report["error"]["estimated"]
     assert LEAST_LIT * AUDIT_LUMELS <= error["lumels_audited"] <= AUDIT_LUMELS
     assert 0 < error["rms_high"] < 0.1
+
+
+@pytest.mark.parametrize("reflectance", [0.9, 0.98])
+def test_a_bright_closed_room_is_as_bright_as_it_is(reflectance):
+    # A furnace: all walls glow with 1 W/m2. Exact answer: the light is 1 / (1 - rho) everywhere, a bake finds it, and
+    # an audit says so; were paths of 64 bounces all, it would lack rho^64, which is 27 % of it at .98.
+    result = bake(box((0, 0, 0), (3, 3, 3), reflectance, (1,) * 6).scene(),
+                  Settings(error=0.03, resolution=64, quantity="irradiance"))
+    error, pixels = result.report["error"]["estimated"], result.lightmaps[0].pixels
+    assert pixels[pixels > 0].mean() == pytest.approx(1 / (1 - reflectance), rel=2e-3)
+    assert error["bias"] == pytest.approx(0, abs=4 * error["bias_standard_error"] + 2e-3)
+    assert error["rms"] < 0.03
