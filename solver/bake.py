@@ -76,6 +76,8 @@ WIDE_SHARE = 16
 # Where the triangles that the receivers see have no more cells than this, all of them take part, met or not, and the
 # energy adds up over whole surfaces.
 COMPLETE_CELLS = 2**18
+# Places over which `solve` takes the means of triangles, about.
+SOLVED_PLACES = 2**17
 # Cells are divided in which the lamps' light varies by more than this many times the wanted error of the mean light.
 STEEP = 24.0
 # Of more lamps than this, cells make do with the least shadow rays to each: together they are many.
@@ -120,9 +122,10 @@ class _Work:
                 self.warnings.append({"object": "", "code": "slow_rays", "message": notice})
             self.direct = DirectLight(self.geometry, self.lights, settings.seed, self.split)
 
-    def transport(self, receivers: Receivers, places: ReceiverFootprints, bounced: float | None = None) -> Transport:
-        """Cells, patches, rows, solved, for what these receivers can see; `bounced` is the part of their light that
-        patches carry, found if not given."""
+    def transport(self, receivers: Receivers, places: ReceiverFootprints, bounced: float | None = None,
+                  fronts: int = 0) -> Transport:
+        """Cells, patches, rows, solved, for what these receivers can see, and for cells at about so many places on all
+        `fronts`; `bounced` is the part of their light that patches carry, found if not given."""
         seed = self.settings.seed
         with self.stages("patches"):
             pilot = pilot_rays(self.settings.error)
@@ -149,6 +152,8 @@ class _Work:
             seen = Sight(transport, Gather(transport).meet(self.fans, Look(some, PILOT_RAYS, 0, seed + 1), self.run))
             transport.starts.see(seen.cell)
             transport.meet_whole(cells.companions(COMPLETE_CELLS))
+            self.fronts = cells.fronts(fronts) if fronts else np.empty(0, np.int64)
+            transport.meet_whole(self.fronts)
         rays = self.plan.rays_of_row(len(transport.patches))
         with self.stages("form factors"):
             transport.discover(rays)
@@ -252,10 +257,12 @@ class _Work:
         return bounced / max(self.lamps + looks.straight + bounced, 1e-30)
 
     @contextmanager
-    def patch_figures(self) -> Iterator[Callable[[], tuple[EnergyBalance, PatchTable]]]:
-        """The scene's energy and what tells of patches, added up beside what is done meanwhile."""
+    def patch_figures(self, receivers: Receivers, light: Float
+                      ) -> Iterator[Callable[[], tuple[EnergyBalance, PatchTable]]]:
+        """The scene's energy, with the receivers' light (n, 3), and what tells of patches, added up beside what is done
+        meanwhile."""
         transport, seed = self.transported, self.settings.seed
-        with (self.run.beside("energy", lambda run: energy_balance(transport, seed, run)) as balance,
+        with (self.run.beside("energy", lambda run: energy_balance(transport, receivers, light, seed, run)) as balance,
               self.run.beside("energy", lambda run: patch_table(transport)) as table):
             yield lambda: (balance(), table())
 
@@ -301,12 +308,12 @@ def bake(scene: Scene, settings: Settings, progress: Progress | None = None,
         near = LumelNeighbours(lumels, links(samples, lumels, scene))
         work.run.check()
     direct, bounced = work.light(lumels.receivers, near)
-    with work.patch_figures() as figures:
+    light = direct + bounced
+    with work.patch_figures(lumels.receivers, light) as figures:
         with work.stages("finish"):
             triangle = lumels.receivers.triangle
             albedo = work.geometry.reflectance(triangle, *lumels.receivers.barycentric.T)
             values = encode(_passes(direct, bounced, settings.passes), settings.quantity, albedo)
-            light = direct + bounced
             whose = shown(work.fans, work.geometry, near, light, settings, work.run)
             errors = work.errors / np.maximum(light.mean(axis=1), np.maximum(work.errors, 1e-30))
             work.run.check()
@@ -329,7 +336,7 @@ def _bake_vertices(work: _Work) -> Bake:
     with work.stages("lumels"):
         receivers, near, fit = corner_receivers(work.scene, work.settings, work.run)
     direct, bounced = work.light(receivers, near)
-    with work.patch_figures() as figures:
+    with work.patch_figures(receivers, direct + bounced) as figures:
         with work.stages("finish"):
             albedo = work.geometry.reflectance(receivers.triangle, *receivers.barycentric.T)
             values = encode(_passes(direct, bounced, work.settings.passes), work.settings.quantity, albedo)
@@ -353,8 +360,8 @@ def solve(scene: Scene, settings: Settings) -> Solution:
     receivers = triangle_middles(work.geometry)
     places = ReceiverFootprints(work.geometry, receivers, settings.footprint, settings.seed)
     # Here patches are all that is asked for, whatever light comes straight.
-    transport = work.transport(receivers, places, bounced=1.0)
-    return Solution.of(work.geometry, transport, work.linear, work.stages)
+    transport = work.transport(receivers, places, bounced=1.0, fronts=SOLVED_PLACES)
+    return Solution.of(work.geometry, transport, work.fronts, work.linear, work.stages)
 
 
 def irradiance(scene: Scene, settings: Settings, points: Float, normals: Float, progress: Progress | None = None,

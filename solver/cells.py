@@ -22,6 +22,7 @@ from numpy.typing import NDArray
 from .geometry import Geometry
 from .growing import Growing
 from .paged import Paged
+from .sampling import kronecker
 
 Float = NDArray[np.floating[Any]]
 Int = NDArray[np.integer[Any]]
@@ -190,6 +191,18 @@ class Cells:
         i, j = np.divmod(number, columns[:, 1])
         inside = i / columns[:, 0] + j / columns[:, 1] < 1 - 1e-9
         return np.asarray((np.repeat(self._base[triangle] + front, count) + 2 * number)[inside])
+
+    def fronts(self, most: int) -> NDArray[np.int64]:
+        """The cells at points spread evenly over the fronts of all triangles that have an area: about two points a
+        cell, fewer where these would be more than `most`, at least one a triangle."""
+        triangle = np.flatnonzero(self.geometry.area > 0)
+        boxes = self.divisions[triangle].prod(axis=1)
+        count = np.maximum(boxes * min(1.0, most / max(int(boxes.sum()), 1)), 1).astype(np.int64)
+        number = np.arange(count.sum()) - np.repeat(np.cumsum(count) - count, count)
+        place = kronecker(int(count.max(initial=0)), 2)[number]
+        # The half of the square beyond the triangle, folded back.
+        u, v = np.where(place.sum(axis=1, keepdims=True) > 1, 1 - place, place).T
+        return self.sides(np.repeat(triangle, count), u, v, np.ones(len(u), np.bool_))
 
     def triangle_of(self, side: NDArray[np.int64]) -> NDArray[np.int32]:
         """The triangle of each side."""

@@ -13,6 +13,7 @@ from .cells import NOTHING, Cells
 from .footprints import CellFootprints
 from .met_cells import CELL_CLOSED, CELL_SMALL_SHARE
 from .parallel import Run, slices
+from .receivers import Receivers
 from .sampling import kronecker, uniform
 from .transport import Transport
 
@@ -33,7 +34,8 @@ OPACITY_SAMPLES = 16
 
 @dataclass(frozen=True)
 class EnergyBalance:
-    """Flux in watts, the mean of the three channels, over all surfaces that light reaches from the receivers' side.
+    """Flux in watts, the mean of the three channels, over all surfaces that light reaches from the receivers' side, and
+    the receivers' own.
 
     emitted : what lamps and sky send onto these surfaces, and what the surfaces emit themselves.
     absorbed : what the surfaces keep.
@@ -51,16 +53,17 @@ class EnergyBalance:
         return 1 - (self.absorbed + self.escaped) / self.emitted if self.emitted > 0 else 0.0
 
 
-def energy_balance(transport: Transport, seed: int, run: Run) -> EnergyBalance:
-    """Add up the solved patches.
+def energy_balance(transport: Transport, receivers: Receivers, light: Float, seed: int, run: Run) -> EnergyBalance:
+    """Add up the solved patches, and of the receivers with their `light` (n, 3) W/m2 those that no surface sees.
 
     Cells know the direct light of those parts of them that are seen. Here all of their area counts, so direct light is
     asked for anew, at places that are spread evenly over each. Of many cells some are drawn, in proportion to what they
     seem to get.
     """
     met, patch, count = transport.met, transport.cell_patch, len(transport.patches)
+    alone = _unseen(transport, receivers, light)
     if not count:
-        return EnergyBalance(0.0, 0.0, 0.0)
+        return EnergyBalance(*alone)
     area = _solid_area(transport)
     solved = ~np.isnan(transport.irradiance[:, 0])
     drawn, weight = _drawn(area * (met.incident.mean(axis=1) + LEAST_SHARE * met.incident.mean()), seed)
@@ -81,7 +84,28 @@ def energy_balance(transport: Transport, seed: int, run: Run) -> EnergyBalance:
         free[rows.patch] = (rows.hits == NOTHING).mean(axis=1)
     absorbed = kept + landed(1 - reflectance)
     part = [float(values[solved].sum()) for values in (emitted + landed() + sky, absorbed, leaving * free)]
-    return EnergyBalance(*part)
+    return EnergyBalance(*np.add(part, alone))
+
+
+def _unseen(transport: Transport, receivers: Receivers, light: Float) -> tuple[float, float, float]:
+    """What is emitted at, absorbed at and escapes from those triangles of receiving surfaces of which no front was met:
+    no surface sees them, so that all that leaves them escapes."""
+    geometry, cells = transport.geometry, transport.cells
+    receiving = np.bincount(geometry.surface[receivers.triangle], minlength=len(geometry.scene.surfaces)) > 0
+    unseen = receiving[geometry.surface]
+    unseen[cells.triangle_of(cells.side[cells.side & 1 == 1])] = False
+    own = np.flatnonzero(unseen[receivers.triangle])
+    if not len(own):
+        return 0.0, 0.0, 0.0
+    triangle, (u, v) = receivers.triangle[own], receivers.barycentric[own].T
+    area = geometry.area[triangle] / np.bincount(triangle)[triangle]
+    # Those too small for a receiver of their own are like the others.
+    area *= geometry.area[unseen].sum() / area.sum() * geometry.opacity(triangle, u, v)
+    glow = np.where(transport.met.sampled_emitter[triangle, None], 0, geometry.emission(triangle, u, v))
+    reflected = geometry.reflectance(triangle, u, v) * light[own]
+    emitted, absorbed, escaped = (float((area * values.mean(axis=1)).sum(dtype=np.float64))
+                                  for values in (light[own] + glow, light[own] - reflected, reflected + glow))
+    return emitted, absorbed, escaped
 
 
 def _figures(transport: Transport, part: slice) -> list[Float]:

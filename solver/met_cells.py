@@ -45,7 +45,7 @@ class MetCells:
     def __init__(self, geometry: Geometry, direct: DirectLight, sampled_emitter: NDArray[np.bool_], cells: Cells,
                  seed: int, run: Run) -> None:
         self.geometry, self.cells = geometry, cells
-        self.light, self._sampled_emitter = direct, sampled_emitter
+        self.light, self.sampled_emitter = direct, sampled_emitter
         self._seed, self._run = seed, run
         self.steep, self.samples = np.inf, CELL_SAMPLES[0]
         columns = 3 if direct.split is None else direct.split.columns
@@ -201,5 +201,5 @@ class MetCells:
     def _materials(self, places: SeenFootprints) -> tuple[Float, Float]:
         """Mean reflectance and mean emission that is gathered (not sampled as a lamp) of each cell."""
         emission = places.mean(self.geometry.emission)
-        emission[self._sampled_emitter[places.triangle]] = 0
+        emission[self.sampled_emitter[places.triangle]] = 0
         return places.mean(self.geometry.reflectance), emission

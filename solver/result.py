@@ -84,16 +84,16 @@ class Solution:
     statistics: dict[str, Any]
 
     @classmethod
-    def of(cls, geometry: Geometry, transport: Transport, linear: LinearResult, stages: Stages) -> Solution:
-        """Area-weighted means over the met cells of each triangle's front."""
-        cells, spots, count = transport.cells, transport.met.spots, len(geometry.area)
-        front = spots.front
-        triangle, area = spots.triangle[front], transport.met.own_area[front]
-        weight = np.bincount(triangle, area, count)
+    def of(cls, geometry: Geometry, transport: Transport, sides: NDArray[np.int64], linear: LinearResult,
+           stages: Stages) -> Solution:
+        """Means over `sides`, met cells on each triangle's front, some of them more than once."""
+        cells, count = transport.cells, len(geometry.area)
+        rows, triangle = cells.rows(sides), cells.triangle_of(sides)
+        places = np.bincount(triangle, minlength=count)
 
         def mean(values: Float) -> Float:
-            columns = [np.bincount(triangle, area * values[front, axis], count) for axis in range(3)]
-            return np.asarray(np.stack(columns, axis=1) / np.maximum(weight, 1e-30)[:, None], np.float32)
+            columns = [np.bincount(triangle, values[rows, axis], count) for axis in range(3)]
+            return np.asarray(np.stack(columns, axis=1) / np.maximum(places, 1)[:, None], np.float32)
 
         indirect = np.nan_to_num(transport.irradiance)[transport.cell_patch]
         statistics = {"stages": stages.as_list(), "patches": len(transport.patches), "cells": len(cells),

@@ -174,6 +174,20 @@ def test_companions_are_all_cells_that_have_an_area_or_none_where_there_are_too_
     assert len(cells.companions(3)) == 0
 
 
+@pytest.mark.parametrize("name", TRIANGLES)
+def test_fronts_are_met_in_proportion_to_the_area_of_their_cells(name):
+    # Two triangles, the second nine times the area of the first: nine times the places, and in each cell about as many
+    # as its part of the area; few places leave none out.
+    corners = np.asarray(TRIANGLES[name], float)
+    cells = _cells([corners, corners * 3 + 5], 0.07)
+    side, places = np.unique(cells.fronts(4000), return_counts=True)
+    assert (side & 1).all()
+    share = np.bincount(cells.triangle_of(side), places) / places.sum()
+    assert share == pytest.approx([0.1, 0.9], abs=0.01)
+    assert places / places.sum() == pytest.approx(cells.area(side) / cells.geometry.area.sum(), abs=4 / places.sum())
+    assert list(cells.triangle_of(cells.fronts(1))) == [0, 1]
+
+
 def _divided(name, size):
     """Cells of which every one was met and divided, and the sides of all smaller ones that are met then."""
     cells = _cells([TRIANGLES[name]], size)

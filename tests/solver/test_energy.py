@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from radiosity.solver import Settings, Sky, bake
 from radiosity.solver.energy import EnergyBalance
-from radiosity.solver.lamps import Point
-from radiosity.tests.solver.rooms import CEILING, box, shape
+from radiosity.solver.lamps import Point, Sun
+from radiosity.tests.solver.rooms import CEILING, box, quad, shape
 
 LOW, HIGH = (0.0, 0.0, 0.0), (2.0, 2.0, 2.0)
 RHO = (0.2, 0.7, 0.5, 0.5, 0.3, 0.8)
@@ -60,6 +60,18 @@ def test_an_open_box_under_an_even_sky_takes_what_comes_through_its_mouth():
     energy = _balance(_lidless().scene(sky=Sky((1, 1, 1))))
     assert energy["escaped"] > 0
     assert abs(energy["imbalance"]) < 0.005
+
+
+@pytest.mark.parametrize("target", ["lightmap", "vertex"])
+def test_what_no_surface_sees_keeps_and_sends_out_its_light_too(target):
+    # A sun of 10 W/m2 straight down on a floor of 20 m2 (rho .3) that glows with 1 W/m2, and high above it a black
+    # plate of 4 m2 that nothing sees from above: 200 + 20 + 40 W are emitted, less the 40 W in the plate's shadow.
+    scene = (quad((0, 0, 0), (5, 0, 0), (0, 4, 0), 0.3, 1.0) + quad((1, 1, 300), (2, 0, 0), (0, 2, 0), 0.0)
+             ).scene(lights=(Sun("sun", (0, 0, -1), (10, 10, 10)),))
+    energy = bake(scene, Settings(error=0.1, resolution=64, target=target)).report["energy"]
+    assert energy["emitted"] == pytest.approx(220, rel=0.02)
+    assert energy["absorbed"] == pytest.approx(0.7 * 160 + 40, rel=0.02)
+    assert energy["escaped"] == pytest.approx(0.3 * 160 + 20, rel=0.02)
 
 
 def test_imbalance_is_the_part_that_is_missing():

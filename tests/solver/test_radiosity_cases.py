@@ -126,6 +126,23 @@ def test_the_walls_of_a_cube_get_the_continuums_means_and_not_the_lumped_ones(rh
         validation("P-39", f"mean H, {name}, rho {rho}", right, ours, relative=3e-3)
 
 
+def test_what_no_surface_sees_is_solved_too():
+    # A sun of 1 W/m2 straight down on a square of 100 m2, rho .5: H = 1, B = .5; nothing sees the square.
+    solution = solve(quad((-5, -5, 0), (10, 0, 0), (0, 10, 0)).scene(lights=(Sun("sun", DOWN, (1, 1, 1)),)), Settings())
+    assert solution.irradiance == pytest.approx(1.0, rel=1e-5)
+    assert solution.radiosity == pytest.approx(0.5, rel=1e-5)
+
+
+@pytest.mark.parametrize("error", [0.1, 0.015])
+def test_a_triangle_has_its_mean_light_however_small_its_cells(error):
+    # A cube of 2 m floats over that square, all black: H = 1 on its top, and .96 on the floor, of which it shades 4 m2.
+    floor = quad((-5, -5, 0), (10, 0, 0), (0, 10, 0), 0.0)
+    cube = box((-1, -1, 0.5), (1, 1, 2.5), 0.0, inward=False)
+    light = solve((floor + cube).scene(lights=(Sun("sun", DOWN, (1, 1, 1)),)), Settings(error=error)).irradiance[:, 0]
+    assert light[:2] == pytest.approx(0.96, rel=2e-3)
+    assert light[2:][cube.normal[:, 2] > 0.5] == pytest.approx(1.0, rel=1e-5)
+
+
 @pytest.mark.parametrize("exitance", [0.5, 100.0])
 def test_radiosity_counts_a_lamps_own_light(exitance):
     # A board that glows faintly (rays find it) or brightly (a lamp) in a room, rho .5: B = E + rho H on every triangle.
