@@ -204,10 +204,11 @@ def _errors(looks: list[Float], near: Kernels | None, run: Run, changed: Int | N
 
 def _known(error: Float, found: NDArray[np.bool_], near: Kernels | None) -> Float:
     """(n,) float64: errors with a part of their mean over all that have any or where light was `found` (n,): two looks
-    may find the same by chance."""
+    may find the same by chance. What stands alone may have missed all of its light by chance, too: were only those
+    followed that found some, all together would be too dark."""
     prior = LONE_PRIOR if near is None else PRIOR
-    some = found | (error > 0)
-    return np.where(some, (1 - prior) * error + prior * error.mean(where=some), 0).astype(np.float64)
+    counts = found | (error > 0) | (near is None)
+    return np.where(counts, (1 - prior) * error + prior * error.mean(where=counts), 0).astype(np.float64)
 
 
 def _speckle_factors(error: Float, wanted: float, most: Float) -> Float:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from radiosity.solver.adaptive import (
+    LONE_PRIOR,
     RATE,
     SPECKLE,
     Gathered,
@@ -85,13 +86,21 @@ def test_where_no_light_was_found_no_rays_are_added():
     error = np.concatenate([lit, np.zeros(3 * COUNT)])
     lit[:10] = error[:10] = 0
     found = np.arange(4 * COUNT) < COUNT
-    alone, all_known = _known(lit, found[:COUNT], None), _known(error, found, None)
+    alone, all_known = _known(lit, found[:COUNT], [_grid()]), _known(error, found, [_grid()])
     assert all_known[:10].min() > 0
     assert all_known[:COUNT] == pytest.approx(alone)
     wanted = lit.mean() / 5
     factor = _factors(all_known, wanted / 4, np.full(4 * COUNT, 32.0))
     assert np.array_equal(factor[:COUNT], _factors(alone, wanted, np.full(COUNT, 32.0)))
     assert (factor[COUNT:] == 1).all()
+
+
+def test_what_stands_alone_and_found_nothing_is_doubted_as_much_as_all():
+    # Nine of ten receivers without neighbours found no light, and so no error: they get a part of the mean of all.
+    error, found = np.repeat([0.0, 1.0], [900, 100]), np.arange(1000) >= 900
+    known = _known(error, found, None)
+    assert known.mean() == pytest.approx(error.mean())
+    assert known[:900] == pytest.approx(LONE_PRIOR * error.mean())
 
 
 def test_the_error_is_that_of_lit_receivers():

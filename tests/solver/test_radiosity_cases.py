@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from radiosity.solver import Settings, Sky, Texture, irradiance, solve
+from radiosity.solver import Settings, Sky, Texture, element_form_factor, irradiance, solve
 from radiosity.solver.lamps import Point, Sun
 from radiosity.solver.polygon import polygon_form_factor
 from radiosity.tests.solver.light import at, mean, over
@@ -124,6 +124,20 @@ def test_the_walls_of_a_cube_get_the_continuums_means_and_not_the_lumped_ones(rh
     found = solve(room.scene(), Settings(error=0.01)).irradiance[:, 0].reshape(6, 2).mean(axis=1)
     for name, right, ours in zip(("floor", "ceiling", "sides"), exact, (*found[:2], found[2:].mean()), strict=True):
         validation("P-39", f"mean H, {name}, rho {rho}", right, ours, relative=3e-3)
+
+
+@pytest.mark.parametrize(("depth", "error"), [(3, 0.1), (10, 0.03)])
+def test_the_floor_of_a_shaft_is_lit_by_the_few_rays_that_find_the_sky(depth, error):
+    # A black shaft of 1 m x 1 m under an even sky, L = 1: H = pi F of its mouth, of which F = .03 at 3 m and .003 at
+    # 10 m: most first looks find nothing. No mean that only follows what was found: it would be a third too dark.
+    room = box((0, 0, 0), (1, 1, depth), 0.0)
+    shaft = shape(np.delete(room.corners, (2 * CEILING, 2 * CEILING + 1), axis=0), 0.0)
+    mouth = [(0, 0, depth), (0, 1, depth), (1, 1, depth), (1, 0, depth)]
+    points = np.random.default_rng(1).uniform((0.05, 0.05, 0), (0.95, 0.95, 0), (40, 3))
+    exact = PI * np.array([element_form_factor(point, UP, mouth).value for point in points])
+    found = irradiance(shaft.scene(sky=Sky((1, 1, 1))), Settings(error=error), points, np.tile(UP, (40, 1)))[:, 0]
+    assert found.mean() == pytest.approx(exact.mean(), rel=0.03)
+    assert np.sqrt(np.mean((found - exact) ** 2)) < 2 * error * exact.mean()
 
 
 def test_what_no_surface_sees_is_solved_too():
