@@ -107,7 +107,9 @@ def _store(exported: Exported, bake: Bake, request: Request, scene: Any, view_la
            warnings: Warnings) -> Parts[dict[str, str]]:
     """Put UV maps or colours on the meshes; what each surface got: its layer's name."""
     uv_layer = request.settings.uv_layer if request.settings.target == "lightmap" else None
-    receivers = [(index, binding) for index, binding in enumerate(exported.bindings) if binding.receives]
+    # What is too thin for where it lies has no place in a lightmap.
+    receivers = [(index, binding) for index, binding in enumerate(exported.bindings)
+                 if binding.receives and (bake.corner_colours is not None or bake.page_of_surface[index] >= 0)]
     if uv_layer is not None:
         return {binding.surface: uv_layer for _, binding in receivers}
     blocked = [binding for _, binding in receivers if not binding.same_topology]

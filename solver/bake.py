@@ -110,6 +110,8 @@ class _Work:
         self.warnings: list[dict[str, Any]] = []
         with self.stages("prepare"):
             self.geometry = geometry or Geometry(scene)
+            if not self.geometry.area.any():
+                raise NothingToBake("the scene has no triangle that has an area: add a mesh")
             self.split: Split | None = None
             if groups:
                 self.lights, self.sampled_emitter, self.split = split_lights(self.geometry, groups, settings.passes)
@@ -372,6 +374,8 @@ def irradiance(scene: Scene, settings: Settings, points: Float, normals: Float, 
     """
     work = _Work(scene, settings, progress, cancelled)
     receivers = probes(scene, points, normals, surfaces)
+    if not len(receivers):
+        return np.zeros((0, 3), np.float32)
     places = ReceiverFootprints(work.geometry, receivers, settings.footprint, settings.seed)
     direct, bounced = work.unaudited_light(receivers, places, None)
     return _passes(direct, bounced, settings.passes)

@@ -88,12 +88,13 @@ def energy_balance(transport: Transport, receivers: Receivers, light: Float, see
 
 
 def _unseen(transport: Transport, receivers: Receivers, light: Float) -> tuple[float, float, float]:
-    """What is emitted at, absorbed at and escapes from those triangles of receiving surfaces of which no front was met:
-    no surface sees them, so that all that leaves them escapes."""
+    """What is emitted at, absorbed at and escapes from those triangles of receiving surfaces of which no front was met,
+    but from behind: hardly any surface sees them, so that all that leaves them escapes."""
     geometry, cells = transport.geometry, transport.cells
+    side = cells.side[~cells.are_held(cells.side)]
     receiving = np.bincount(geometry.surface[receivers.triangle], minlength=len(geometry.scene.surfaces)) > 0
     unseen = receiving[geometry.surface]
-    unseen[cells.triangle_of(cells.side[cells.side & 1 == 1])] = False
+    unseen[cells.triangle_of(side[side & 1 == 1])] = False
     own = np.flatnonzero(unseen[receivers.triangle])
     if not len(own):
         return 0.0, 0.0, 0.0

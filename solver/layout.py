@@ -86,7 +86,7 @@ def flat_triangles(scene: Scene) -> NDArray[np.bool_]:
     side = np.roll(corners, -1, axis=1) - corners
     twice_area = np.linalg.norm(np.cross(side[:, 0], side[:, 1]), axis=1)
     longest = np.sqrt((side**2).sum(axis=2)).max(axis=1, initial=0)
-    return np.asarray(twice_area <= FLAT * np.abs(corners).max(initial=0) * longest)
+    return np.asarray(twice_area <= FLAT * np.abs(corners).max(axis=(1, 2), initial=0) * longest)
 
 
 def world_areas(scene: Scene) -> Float:

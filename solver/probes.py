@@ -18,7 +18,8 @@ Float = NDArray[np.floating[Any]]
 def probes(scene: Scene, points: ArrayLike, normals: ArrayLike, surfaces: ArrayLike | None = None) -> Receivers:
     """Receivers at points (n, 3) metres that face along normals (n, 3), of any length above zero; as if they were of
     surfaces (n,) of the scene, -1 for none."""
-    place, facing = np.atleast_2d(np.asarray(points, np.float64)), np.atleast_2d(np.asarray(normals, np.float64))
+    place, facing = (np.atleast_2d(np.asarray(each, np.float64)) if np.size(each) else np.zeros((0, 3))
+                     for each in (points, normals))
     if place.shape != facing.shape or place.ndim != 2 or place.shape[1] != 3:
         raise SceneError(f"points {place.shape} and normals {facing.shape} must both be (n, 3)")
     length = np.linalg.norm(facing, axis=1, keepdims=True)

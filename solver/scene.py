@@ -28,7 +28,8 @@ class Texture:
 
     Parameters
     ----------
-    pixels : (height, width, 3) float32; row 0 is v = 0 (the bottom), as Blender keeps images.
+    pixels : (height, width, 3) float32; row 0 is v = 0 (the bottom), as Blender keeps images. Shared with the caller,
+        who leaves them as they are: images are large.
     name : for messages.
     """
 
@@ -36,12 +37,12 @@ class Texture:
     name: str = "texture"
 
     def __post_init__(self) -> None:
-        pixels = np.ascontiguousarray(self.pixels, np.float32)
+        pixels = np.ascontiguousarray(_array(f"texture {self.name!r}", self.pixels, np.float32, copy=False))
         if pixels.ndim != 3 or pixels.shape[2] != 3 or 0 in pixels.shape:
             raise SceneError(f"texture {self.name!r} has shape {pixels.shape}: give (height, width, 3)")
         if not np.isfinite(pixels).all() or pixels.min() < 0:
             raise SceneError(f"texture {self.name!r} has a value that is negative or not finite: mend the image")
-        object.__setattr__(self, "pixels", _frozen(pixels))
+        object.__setattr__(self, "pixels", _frozen(pixels.view()))
 
     @cached_property
     def mean(self) -> Float:
@@ -69,7 +70,7 @@ class Sky:
     radiance: Float = field(default_factory=lambda: np.zeros(3, np.float32))
 
     def __post_init__(self) -> None:
-        radiance = np.array(self.radiance, np.float32)
+        radiance = _array("the sky's radiance", self.radiance, np.float32)
         if radiance.shape != (3,) and (radiance.ndim != 3 or radiance.shape[2] != 3 or 0 in radiance.shape):
             raise SceneError(f"sky radiance has shape {radiance.shape}: give (3,) or (height, width, 3)")
         if not np.isfinite(radiance).all() or radiance.min() < 0:
@@ -108,8 +109,13 @@ class Surface:
     links: Links | None = None
 
     def __post_init__(self) -> None:
+        if not (np.isfinite(self.density) and self.density > 0):
+            raise SceneError(f"object {self.name!r}: its density is {self.density}: give a finite factor above 0")
+        if self.corner_ids is not None:
+            ids = _indices(f"object {self.name!r}: corner_ids", self.corner_ids, (self.count, 3), 0, 2**31)
+            object.__setattr__(self, "corner_ids", _frozen(ids))
         if self.lightmap_uv is not None:
-            uv = np.ascontiguousarray(self.lightmap_uv, np.float32)
+            uv = _array(f"object {self.name!r}: lightmap_uv", self.lightmap_uv, np.float32)
             if uv.shape != (self.count, 3, 2):
                 raise SceneError(f"object {self.name!r}: lightmap_uv has shape {uv.shape}, not ({self.count}, 3, 2)")
             if not np.isfinite(uv).all():
@@ -130,7 +136,8 @@ class Scene:
     ----------
     vertices : (v, 3) float64, metres, world space.
     triangles : (t, 3) int32 indices; counter-clockwise seen from the front.
-    reflectance : diffuse reflectance rho in [0, 1]: a number, (3,), (t,) or (t, 3); kept as (t, 3) float32.
+    reflectance : diffuse reflectance rho in [0, 1]: a number, (3,), (t,) or (t, 3); kept as (t, 3) float32. Three
+        numbers are always the three channels.
     emission : radiant exitance of each side, W/m2 (radiance times pi): shaped the same; kept as (t, 3) float32.
     corner_normals : (t, 3, 3) float32 unit shading normals at the corners, or None for flat triangles.
     uv : (t, 3, 2) float32 texture coordinates, or None.
@@ -171,17 +178,13 @@ class Scene:
 
     def __post_init__(self) -> None:
         put = lambda name, value: object.__setattr__(self, name, value)  # noqa: E731
-        vertices = np.array(self.vertices, np.float64)
-        triangles = np.array(self.triangles, np.int32)
+        vertices = _array("vertices", self.vertices, np.float64)
         if vertices.ndim != 2 or vertices.shape[1] != 3:
             raise SceneError(f"vertices have shape {vertices.shape}: give (v, 3)")
-        if triangles.ndim != 2 or triangles.shape[1] != 3:
-            raise SceneError(f"triangles have shape {triangles.shape}: give (t, 3)")
         if not np.isfinite(vertices).all():
             row = int(np.flatnonzero(~np.isfinite(vertices).all(axis=1))[0])
             raise SceneError(f"vertex {row} is at {vertices[row].tolist()}: every coordinate must be finite")
-        if triangles.size and not (0 <= triangles.min() and triangles.max() < len(vertices)):
-            raise SceneError(f"triangles point to vertices {triangles.min()} ... {triangles.max()} of {len(vertices)}")
+        triangles = _indices("triangles", self.triangles, (None, 3), 0, len(vertices))
         count = len(triangles)
         put("vertices", _frozen(vertices))
         put("triangles", _frozen(triangles))
@@ -194,27 +197,33 @@ class Scene:
         for name, shape in (("corner_normals", (count, 3, 3)), ("uv", (count, 3, 2))):
             value = getattr(self, name)
             if value is not None:
-                array = np.ascontiguousarray(value, np.float32)
+                array = _array(name, value, np.float32)
                 if array.shape != shape or not np.isfinite(array).all():
                     raise SceneError(f"{name} has shape {array.shape} or is not finite: give {shape}, finite")
                 put(name, _frozen(array))
-        opacity = np.array(np.broadcast_to(np.asarray(self.opacity, np.float32), (count,)))
+        opacity = _each("opacity", self.opacity, np.float32, count)
         if count and not (0 <= opacity.min() and opacity.max() <= 1):
             raise SceneError(f"opacity runs from {opacity.min():g} to {opacity.max():g}: give values from 0 to 1")
         put("opacity", _frozen(opacity))
         for name in ("casts_shadow", "seen"):
-            put(name, _frozen(np.array(np.broadcast_to(np.asarray(getattr(self, name), bool), (count,)))))
+            put(name, _frozen(_each(name, getattr(self, name), np.bool_, count)))
         for name, limit in (("reflectance_texture", len(self.textures)), ("emission_texture", len(self.textures)),
                             ("opacity_texture", len(self.textures)), ("material", len(self.material_names))):
             value = getattr(self, name)
-            array = np.full(count, -1, np.int32) if value is None else np.ascontiguousarray(value, np.int32)
-            if array.shape != (count,) or (count and not (-1 <= array.min() and array.max() < limit)):
-                raise SceneError(f"{name} must be ({count},) with values from -1 to {limit - 1}")
-            put(name, _frozen(array))
+            put(name, _frozen(np.full(count, -1, np.int32) if value is None
+                              else _indices(name, value, (count,), -1, limit)))
         put("lights", tuple(self.lights))
+        if not isinstance(self.sky, Sky):
+            raise SceneError(f"sky is {self.sky!r}: give a Sky")
         surfaces = tuple(self.surfaces) or (Surface("scene", 0, count),)
-        if sum(surface.count for surface in surfaces) != count:
-            raise SceneError(f"the surfaces cover {sum(s.count for s in surfaces)} of {count} triangles")
+        following = 0
+        for surface in surfaces:
+            if surface.first != following or surface.count < 0:
+                raise SceneError(f"object {surface.name!r} has {surface.count} triangles from {surface.first}: let "
+                                 f"those of each object follow those of the one before, here from {following}")
+            following += surface.count
+        if following != count:
+            raise SceneError(f"the surfaces cover {following} of {count} triangles")
         put("surfaces", surfaces)
         for light in self.lights:
             links_of(light).check(len(surfaces), f"lamp {light.name!r}")
@@ -229,10 +238,11 @@ class Scene:
 
     @cached_property
     def origin(self) -> Float:
-        """(3,) float64: the point that the solver moves to zero, so that float32 keeps its digits."""
-        if not len(self.vertices):
-            return np.zeros(3)
-        return np.asarray((self.vertices.min(axis=0) + self.vertices.max(axis=0)) / 2)
+        """(3,) float64: the point that the solver moves to zero, so that float32 keeps its digits: the median of the
+        objects', since one that is far away must not take them from all others."""
+        places = [np.median(self.vertices[self.triangles[surface.triangles]].reshape(-1, 3), axis=0)
+                  for surface in self.surfaces if surface.count]
+        return np.median(places, axis=0) if places else np.zeros(3)
 
 
 def surface_of_triangle(scene: Scene) -> NDArray[np.int32]:
@@ -244,7 +254,7 @@ def surface_of_triangle(scene: Scene) -> NDArray[np.int32]:
 
 
 def _per_triangle(name: str, value: ArrayLike, count: int) -> Float:
-    array = np.asarray(value, np.float32)
+    array = _array(name, value, np.float32)
     if array.shape == (count,) and count != 3:
         array = array[:, None]
     try:
@@ -254,6 +264,35 @@ def _per_triangle(name: str, value: ArrayLike, count: int) -> Float:
     if not np.isfinite(array).all() or (count and array.min() < 0):
         raise SceneError(f"{name} holds a value that is negative or not finite: give finite values from 0")
     return np.array(array, np.float32)
+
+
+def _each(name: str, value: ArrayLike, dtype: Any, count: int) -> Any:
+    """(count,) of a value for all or one for each."""
+    array = _array(name, value, dtype)
+    if array.shape not in ((), (1,), (count,)):
+        raise SceneError(f"{name} has shape {array.shape}: give a value for all, or ({count},)")
+    return np.array(np.broadcast_to(array, (count,)))
+
+
+def _indices(name: str, value: Any, shape: tuple[int | None, ...], low: int, high: int) -> NDArray[np.int32]:
+    """A copy as int32, of a shape of which None may be any, with values from low to high - 1."""
+    array = np.asarray(value)
+    whole = array.dtype.kind in "iu" or (array.dtype.kind == "f" and bool((array % 1 == 0).all()))
+    if not whole or len(array.shape) != len(shape) or any(
+            wanted not in (None, given) for wanted, given in zip(shape, array.shape, strict=True)):
+        wanted_shape = ", ".join("t" if side is None else str(side) for side in shape)
+        raise SceneError(f"{name} are {array.dtype} {array.shape}: give whole numbers ({wanted_shape})")
+    if array.size and not (low <= array.min() and array.max() < high):
+        raise SceneError(f"{name} run from {array.min()} to {array.max()}: give numbers from {low} to {high - 1}")
+    return np.array(array, np.int32)
+
+
+def _array(name: str, value: Any, dtype: Any, *, copy: bool = True) -> NDArray[Any]:
+    """As an array of a type; a copy, so that the caller's stays as it is and his own."""
+    try:
+        return np.array(value, dtype, order="C") if copy else np.asarray(value, dtype)
+    except (ValueError, TypeError) as cause:
+        raise SceneError(f"{name}: not an array of numbers ({cause})") from None
 
 
 def _frozen(array: Any) -> Any:

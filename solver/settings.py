@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 import os
 from dataclasses import asdict, dataclass
+from numbers import Integral, Real
 from typing import Any
 
 from .errors import SettingsError
@@ -69,19 +70,21 @@ class Settings:
         _one_of("passes", self.passes, PASSES)
         if self.atlas is not None:
             _one_of("atlas", self.atlas, ATLASES)
-        _within("error", self.error, 1e-4, 1.0)
-        _within("footprint", self.footprint, 0.0, 1.0)
-        _within("margin", self.margin, 0, 256)
-        _within("max_pages", self.max_pages, 1, 1024)
-        _within("threads", self.threads, 0, 1024)
-        _within("seed", self.seed, 0, 2**32 - 1)
+        put = lambda word, value: object.__setattr__(self, word, value)  # noqa: E731
+        put("error", _within("error", self.error, 1e-4, 1.0))
+        put("footprint", _within("footprint", self.footprint, 0.0, 1.0))
+        for word, most in (("margin", 256), ("threads", 1024), ("seed", 2**32 - 1)):
+            put(word, _whole(word, getattr(self, word), 0, most))
+        put("max_pages", _whole("max_pages", self.max_pages, 1, 1024))
         if self.resolution is not None:
-            _within("resolution", self.resolution, 4, MAX_RESOLUTION)
+            put("resolution", _whole("resolution", self.resolution, 4, MAX_RESOLUTION))
         if self.texel_density is not None:
-            _within("texel_density", self.texel_density, 1e-6, 1e6)
+            put("texel_density", _within("texel_density", self.texel_density, 1e-6, 1e6))
         if self.resolution is not None and self.texel_density is not None:
             raise SettingsError("resolution and texel_density are both set: keep one of the two")
-        object.__setattr__(self, "only", tuple(self.only))
+        if isinstance(self.only, str):
+            raise SettingsError(f"only is {self.only!r}: give a list of names")
+        put("only", tuple(self.only))
 
     @property
     def thread_count(self) -> int:
@@ -103,6 +106,13 @@ def _one_of(word: str, value: str, allowed: tuple[str, ...]) -> None:
         raise SettingsError(f"{word} is {value!r}: use one of {', '.join(allowed)}")
 
 
-def _within(word: str, value: float, low: float, high: float) -> None:
-    if not (isinstance(value, int | float) and math.isfinite(value) and low <= value <= high):
+def _within(word: str, value: Any, low: float, high: float) -> float:
+    if not (isinstance(value, Real) and math.isfinite(value) and low <= float(value) <= high):
         raise SettingsError(f"{word} is {value!r}: use a number from {low:g} to {high:g}")
+    return float(value)
+
+
+def _whole(word: str, value: Any, low: int, high: int) -> int:
+    if isinstance(value, bool) or not (isinstance(value, Integral) and low <= int(value) <= high):
+        raise SettingsError(f"{word} is {value!r}: use a whole number from {low} to {high}")
+    return int(value)
