@@ -78,6 +78,7 @@ def check(request: Request, scene: Any, view_layer: Any) -> int:
     RadiosityError
         What a bake would fail with.
     """
+    request.refuse_names()
     found = find(scene, view_layer, request.settings, request.apply_modifiers)
     print_warnings(entry for entry in found.warnings if entry["code"] != "error")
     if request.report is not None:

@@ -16,6 +16,8 @@ from ..solver.settings import Settings
 from .memory import peak_memory_bytes
 from .warn import Warnings
 
+# What every report of ours has, that of a check and of a comparison too.
+OURS = frozenset({"scene", "blender", "settings", "warnings"})
 # Our own stages before those of the solver.
 EARLIER = ("export", "first look", "unwrap", "draft")
 
@@ -53,6 +55,17 @@ def relative_to_report(path: Path, report: Path | None) -> str:
         return Path(os.path.relpath(path, report.parent)).as_posix()
     except ValueError:
         return path.as_posix()  # another drive
+
+
+def is_report(path: Path) -> bool:
+    """Whether a file is a report of ours, which another may replace; an empty one is as good."""
+    try:
+        with path.open("rb") as file:
+            start = file.read(1)
+            # Scenes and images, which may be large, are known by their first byte.
+            return not start or (start == b"{" and json.loads(start + file.read()).keys() >= OURS)
+    except (OSError, ValueError):
+        return False
 
 
 def write(report: dict[str, Any], path: Path) -> None:

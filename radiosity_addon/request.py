@@ -11,9 +11,12 @@ from pathlib import Path
 
 from ..solver.errors import OutputError, SettingsError
 from ..solver.settings import Settings
+from .report import is_report
 
 DEFAULT_FOLDER = "lightmaps"
 REPORT_NAME = "report.json"
+# Endings of the other files that we write: a report by such a name would take the place of one, or lose its own to it.
+OTHERS = (".blend", ".exr", ".html", ".png")
 
 
 @dataclass(frozen=True)
@@ -62,17 +65,39 @@ class Request:
         ------
         OutputError
             With the folder's path and what to do.
+        SettingsError
+            See `refuse_names`.
         """
+        self.refuse_names()
         files = [path for path in (self.report_path, self.save) if path is not None]
         made: list[Path] = []
         for folder in dict.fromkeys([*([self.output] if self.output else []), *(path.parent for path in files)]):
             made += _check_folder(folder)
         for path in files:
-            if path.is_dir():
-                raise OutputError(f"{path} is a folder: give the name of a file")
+            if path.exists() and not path.is_file():
+                raise OutputError(f"{path} is no file: give the name of a file")
             if path.exists() and not os.access(path, os.W_OK):
                 raise OutputError(f"{path} may not be written: change its rights or choose another name")
         return made
+
+    def refuse_names(self) -> None:
+        """Refuse names by which the report or the .blend would take the place of something else.
+
+        Raises
+        ------
+        SettingsError
+            With the path and what to do.
+        """
+        if self.save is not None and self.save.suffix.lower() != ".blend":
+            raise SettingsError(f"--save {self.save} does not end in .blend: give the name of a .blend")
+        path = self.report_path
+        if path is None:
+            return
+        if path.suffix.lower() in OTHERS:
+            raise SettingsError(f"--report {path} has the name of an image, a page or a scene: let it end in .json")
+        if path.is_file() and not is_report(path):
+            raise SettingsError(f"{path} is no report, and only reports are overwritten by one: give it another name "
+                                "with --report")
 
 
 def folder_beside(blend: str, folder: str = "", *, advice: str) -> Path:

@@ -15,7 +15,7 @@ from radiosity.radiosity_addon.check_cost import expected_rays
 from radiosity.radiosity_addon.export import export_scene
 from radiosity.radiosity_addon.request import Request
 from radiosity.solver.bake import bake
-from radiosity.solver.errors import NothingToBake, SceneError
+from radiosity.solver.errors import NothingToBake, SceneError, SettingsError
 from radiosity.solver.geometry import Geometry
 from radiosity.solver.settings import Settings
 
@@ -295,6 +295,16 @@ def test_a_scene_that_fails_is_told_with_all_other_findings(stage, tmp_path):
     with pytest.raises(SceneError, match="vertex 0"):
         check(Request(Settings(**SETTINGS), report=path), bpy.context.scene, bpy.context.view_layer)
     assert [entry["code"] for entry in json.loads(path.read_text())["warnings"]] == ["no_power", "error"]
+
+
+def test_the_list_takes_the_place_of_no_other_file(stage, tmp_path, capsys):
+    # A file of the user's by the list's name. Exact answer: refused before anything is looked at, the file as it was.
+    path = tmp_path / "notes.txt"
+    path.write_text("mine")
+    with pytest.raises(SettingsError, match=r"notes\.txt is no report"):
+        check(Request(Settings(**SETTINGS), report=path), bpy.context.scene, bpy.context.view_layer)
+    assert path.read_text() == "mine"
+    assert capsys.readouterr() == ("", "")
 
 
 def test_no_light_is_told_as_the_bake_tells_it(stage):

@@ -175,6 +175,8 @@ def spoil(build: Any, what: str, folder: Path) -> tuple[Any, ...]:
         return ("--output", folder / "taken")
     if what == "own file":
         return ("--save", folder / "scene.blend")
+    if what == "own file as report":
+        return ("--report", folder / "scene.blend")
     return {"no map": ("--uv-layer", "Mine"), "no object": ("--only", "Sqare")}.get(what, ())
 
 
@@ -185,6 +187,7 @@ def spoil(build: Any, what: str, folder: Path) -> tuple[Any, ...]:
     ("no texture", 1, "material 'Brick': image 'brick.png' is missing at /nowhere/brick.png: restore the file"),
     ("no folder", 1, "can't be written to"),
     ("own file", 2, "is the scene's own file, which a bake never changes: give another name"),
+    ("own file as report", 2, "scene.blend has the name of an image, a page or a scene: let it end in .json"),
     ("no map", 2, "object 'Square' has no UV map 'Mine' (it has none): add it"),
     ("no object", 2, "only names 'Sqare', which the scene does not have: did you mean 'Square'?"),
 ])

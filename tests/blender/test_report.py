@@ -5,6 +5,8 @@ from __future__ import annotations
 import io
 import json
 import math
+import os
+import sys
 from pathlib import Path
 from typing import Any
 
@@ -42,6 +44,49 @@ def test_a_folder_that_is_a_file_is_refused_before_the_bake(tmp_path: Path) -> N
     (tmp_path / "taken").touch()
     with pytest.raises(OutputError, match="taken can't be written to"):
         Request(output=tmp_path / "taken").check_writable()
+
+
+@pytest.mark.parametrize("text", ["BLENDER-v402", '{"scene": "mine"}', '{"scene": ', "[1]", "notes"])
+def test_a_report_takes_the_place_of_no_other_file(tmp_path: Path, text: str) -> None:
+    # A file of the user's by the report's name, given or in the output folder. Exact answer: refused before any work,
+    # the file as it was.
+    path = tmp_path / "report.json"
+    path.write_text(text)
+    for request in (Request(output=tmp_path), Request(output=tmp_path / "out", report=path)):
+        with pytest.raises(SettingsError, match=r"report\.json is no report, and only reports are overwritten by one"):
+            request.check_writable()
+    assert [item.name for item in tmp_path.iterdir()] == ["report.json"]
+    assert path.read_text() == text
+
+
+@pytest.mark.parametrize("kept", [{}, {"energy": None}, {"bakes": []}])
+def test_a_report_takes_the_place_of_an_earlier_one(tmp_path: Path, kept: dict[str, Any]) -> None:
+    # Of whichever command, and of a file that holds nothing.
+    path = tmp_path / "report.json"
+    path.touch()
+    assert Request(output=tmp_path).check_writable() == []
+    report.write({"scene": "a.blend", "blender": "5.0.1", "settings": {}, "warnings": [], **kept}, path)
+    assert Request(output=tmp_path).check_writable() == []
+
+
+@pytest.mark.parametrize(("names", "line"), [
+    ({"report": "Lightmap_1.exr"}, "--report .*Lightmap_1.exr has the name of an image"),
+    ({"report": "new.blend"}, "--report .*new.blend has the name of"),
+    ({"save": "both.json", "report": "both.json"}, "--save .*both.json does not end in .blend"),
+    ({"save": "Lightmap_1.exr"}, "--save .*Lightmap_1.exr does not end in .blend"),
+])
+def test_no_two_results_may_have_one_name(tmp_path: Path, names: dict[str, str], line: str) -> None:
+    request = Request(output=tmp_path, **{word: tmp_path / name for word, name in names.items()})
+    with pytest.raises(SettingsError, match=line):
+        request.check_writable()
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="there are no pipes with a path")
+def test_a_report_goes_into_no_device(tmp_path: Path) -> None:
+    pipe = tmp_path / "pipe"
+    os.mkfifo(pipe)
+    with pytest.raises(OutputError, match="pipe is no file: give the name of a file"):
+        Request(report=pipe).check_writable()
 
 
 def test_the_folder_stands_beside_the_blend_and_needs_one() -> None:
