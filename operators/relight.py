@@ -13,7 +13,7 @@ from ..radiosity_addon.command import parse_options
 from ..radiosity_addon.job import Job, Outcome
 from ..radiosity_addon.relight import RelightJob, relight
 from ..radiosity_addon.relight_request import kept_in, relight_request
-from ..radiosity_addon.warn import Warnings, as_line
+from ..radiosity_addon.warn import as_line
 from ..solver.errors import RadiosityError
 from .working import Working
 
@@ -39,10 +39,9 @@ class RADIOSITY_OT_relight(Working, bpy.types.Operator):
 
     def execute(self, context: Any) -> set[str]:
         """Mix the kept groups, write the images, and wait."""
-        warnings: Warnings = []
         try:
             request = relight_request(context.scene, parse_options(self.options))
-            outcome = relight(request, context.scene, context.view_layer, warnings)
+            outcome = relight(request, context.scene, context.view_layer)
         except RadiosityError as error:
             return self._failed(error)
         return self._tell(outcome)

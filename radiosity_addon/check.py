@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 from ..solver.errors import RadiosityError
 from ..solver.geometry import Geometry
 from ..solver.settings import Settings
-from . import compat, report
+from . import compat, interrupts, report
 from .check_cost import Cost, expected_cost
 from .check_layout import check_layout
 from .check_lights import check_lights
@@ -76,10 +76,11 @@ def check(request: Request, scene: Any, view_layer: Any) -> int:
     Raises
     ------
     RadiosityError
-        What a bake would fail with.
+        What a bake would fail with, or Cancelled.
     """
     request.refuse_names()
     found = find(scene, view_layer, request.settings, request.apply_modifiers)
+    interrupts.refuse()
     print_warnings(entry for entry in found.warnings if entry["code"] != "error")
     if request.report is not None:
         remove_empty(Request(request.settings, report=request.report).check_writable())

@@ -16,7 +16,7 @@ from typing import Any, NoReturn
 
 from ..solver.errors import OutputError, RadiosityError, SettingsError
 from ..solver.settings import ATLASES, PASSES, PRESETS, QUANTITIES, TARGETS
-from . import compare_request
+from . import compare_request, interrupts
 
 PROGRAM = "radiosity"
 # Arguments that are words of `solver.Settings`.
@@ -183,7 +183,9 @@ def main(argv: Sequence[str]) -> int:
 
         register()
         try:
+            interrupts.refuse()
             open_blend(arguments.blend)
+            interrupts.refuse()
             return _run(arguments)
         except RadiosityError as error:
             return _tell(error)

@@ -7,7 +7,6 @@ works in parts; elsewhere the caller waits.
 from __future__ import annotations
 
 import shutil
-import signal
 import threading
 import time
 from collections.abc import Iterator
@@ -23,6 +22,7 @@ from ..solver.errors import Cancelled, RadiosityError
 from ..solver.result import Bake
 from . import blend_file, compat, report
 from .export import Exported, Glance, export_parts
+from .interrupts import cancelling
 from .keeping import KeptGroups
 from .layouts import with_shared_layouts
 from .look import Look
@@ -46,6 +46,11 @@ class Outcome:
 
     report: dict[str, Any]
     exit_code: int
+
+    @classmethod
+    def of(cls, full: dict[str, Any]) -> Outcome:
+        """Of a bake that is written."""
+        return cls(full, 0 if report.reached(full) else ERROR_NOT_REACHED)
 
 
 class Job:
@@ -166,7 +171,7 @@ class Job:
         if self.request.report_path is not None:
             report.write(full, self.request.report_path)
         self.progress("write", 1.0)
-        return Outcome(full, 0 if report.reached(full) else ERROR_NOT_REACHED)
+        return Outcome.of(full)
 
     def close(self) -> None:
         """End the worker and make room for the next job; folders that were made for nothing go."""
@@ -247,7 +252,7 @@ def wait_for(job: Any) -> Any:
     """Run a job, or one of its kind, to its end as `run` does; what it finishes with."""
     terminal = Terminal(job.progress)
     try:
-        with _interrupts(job):
+        with cancelling(job.cancel):
             job.export()
             job.start()
             while not job.is_done:
@@ -258,17 +263,3 @@ def wait_for(job: Any) -> Any:
     finally:
         job.close()
         print_warnings(job.warnings)
-
-
-@contextmanager
-def _interrupts(job: Job) -> Iterator[None]:
-    """Let Ctrl C cancel the job; Blender's own handler knows nothing of it."""
-    if threading.current_thread() is not threading.main_thread():
-        yield
-        return
-    before = signal.signal(signal.SIGINT, lambda _number, _frame: job.cancel())
-    try:
-        yield
-    finally:
-        # None: a handler that was not set from Python, and can't be set again from here.
-        signal.signal(signal.SIGINT, before if before is not None else signal.SIG_DFL)

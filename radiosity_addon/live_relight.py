@@ -113,7 +113,7 @@ def update() -> float | None:
             _starters[0](scene)
             continue
         try:
-            relight(relight_request(scene, Namespace()), scene, scene.view_layers[0], [])
+            relight(relight_request(scene, Namespace()), scene, scene.view_layers[0])
         except RadiosityError as error:
             _problems[scene.name] = str(error)
     return None

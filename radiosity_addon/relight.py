@@ -24,15 +24,14 @@ from . import blend_file, cache, compat, report
 from .binding import Binding
 from .changes import changes, reflect_otherwise, refuse
 from .export import Exported, surface_scene_parts
-from .job import Job, Outcome
+from .job import Job, Outcome, wait_for
 from .light_groups import Group
 from .memory import peak_memory_bytes
 from .parts import WINDOW_PART, Parts, aside
 from .request import Request
 from .staging import stage
-from .summary import print_outcome, print_warnings
+from .summary import print_outcome
 from .survey import survey_parts
-from .warn import Warnings
 from .write_back import write_back
 
 Float = NDArray[np.floating[Any]]
@@ -46,7 +45,7 @@ BAKED_IN = ("target", "uv_layer", "resolution", "texel_density", "max_pages", "a
 WEIGHTS = {"export": 1.0, "light": 4.0, "write": 1.0}
 
 
-def relight(request: Request, scene: Any, view_layer: Any, warnings: Warnings) -> Outcome:
+def relight(request: Request, scene: Any, view_layer: Any) -> Outcome:
     """Mix the kept groups of a scene anew and write the results; settings are those of the bake.
 
     Raises
@@ -55,7 +54,6 @@ def relight(request: Request, scene: Any, view_layer: Any, warnings: Warnings) -
         If nothing is kept, if it does not hold any more (says what has changed), or if results can't be written.
     """
     job = RelightJob(request, scene, view_layer)
-    job.warnings = warnings
     try:
         job.export()
         job.start()
@@ -124,7 +122,7 @@ class RelightJob(Job):
         if done.report_path is not None:
             report.write(full, done.report_path)
         self.progress("write", 1.0)
-        return Outcome(full, 0)
+        return Outcome.of(full)
 
     def _baked(self) -> Bake:
         assert self._kept is not None
@@ -209,18 +207,14 @@ def _recoloured(bake: Bake, names: Sequence[str]) -> dict[str, Any]:
 
 
 def relight_command(request: Request, scene: Any, view_layer: Any, given: dict[str, Any]) -> int:
-    """Relight and tell of it on the terminal; the exit code.
+    """Relight and wait for it, with progress and warnings on the terminal; Ctrl C cancels. The exit code.
 
     Raises
     ------
     RadiosityError
         See `relight`, and `check_words` for the words that were given.
     """
-    warnings: Warnings = []
     check_words(cache.read(cache.find(request.output, scene.name)).settings, given)
-    try:
-        outcome = relight(request, scene, view_layer, warnings)
-    finally:
-        print_warnings(warnings)
+    outcome: Outcome = wait_for(RelightJob(request, scene, view_layer))
     print_outcome(outcome.report, request, outcome.exit_code, verb="relit")
     return outcome.exit_code

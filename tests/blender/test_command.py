@@ -269,6 +269,23 @@ def test_an_interrupt_cancels_with_code_130(build, tmp_path):
     assert not (tmp_path / "lightmaps").exists()
 
 
+@pytest.mark.skipif(sys.platform == "win32", reason="there is no SIGINT to send")
+def test_an_interrupt_while_blender_is_loaded_ends_with_code_130(tmp_path):
+    # Blender's module does not survive an exception while it is imported. Exact answer: 130, one line, nothing left.
+    temporary = tmp_path / "temporary"
+    temporary.mkdir()
+    process = subprocess.Popen([sys.executable, "-m", "radiosity", "check", "scene.blend"], stdout=subprocess.PIPE,
+                               stderr=subprocess.PIPE, text=True, env={**os.environ, "TMPDIR": str(temporary)})
+    # It is made for Blender, right before the import.
+    while process.poll() is None and not any(temporary.glob("radiosity-*")):
+        time.sleep(0.01)
+    process.send_signal(signal.SIGINT)
+    _, errors = process.communicate(timeout=60)
+    assert process.returncode == 130, errors
+    assert errors == "radiosity: error: cancelled: nothing was changed\n"
+    assert not any(temporary.iterdir())
+
+
 def test_the_example_makes_a_scene_that_bakes(tmp_path):
     # The project's own Cornell box. Exact answer: eight objects receive, two triangles shine.
     script = Path(__file__).resolve().parents[2] / "examples" / "cornell_box.py"
