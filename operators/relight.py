@@ -40,7 +40,7 @@ class RADIOSITY_OT_relight(Working, bpy.types.Operator):
     def execute(self, context: Any) -> set[str]:
         """Mix the kept groups, write the images, and wait."""
         try:
-            request = relight_request(context.scene, parse_options(self.options))
+            request = relight_request(context.scene, parse_options(self.options, "relight"))
             outcome = relight(request, context.scene, context.view_layer)
         except RadiosityError as error:
             return self._failed(error)
@@ -51,8 +51,8 @@ class RADIOSITY_OT_relight(Working, bpy.types.Operator):
         if bpy.app.background:
             return self.execute(context)
         try:
-            job = RelightJob(relight_request(context.scene, parse_options(self.options)), context.scene,
-                             context.view_layer)
+            request = relight_request(context.scene, parse_options(self.options, "relight"))
+            job = RelightJob(request, context.scene, context.view_layer)
         except RadiosityError as error:
             return self._failed(error)
         return self._begin(context, job)

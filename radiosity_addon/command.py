@@ -124,12 +124,22 @@ def parse(argv: Sequence[str], *, blend: bool) -> argparse.Namespace:
 
 
 def parse_options(text: str, command: str = "bake") -> argparse.Namespace:
-    """The options of a sub-command from one line of text, for its operator."""
+    """The options of a sub-command from one line of text, for its operator.
+
+    Raises
+    ------
+    SettingsError
+        If they are wrong, or ask for the help, which would end Blender.
+    """
     try:
         words = shlex.split(text)
     except ValueError as cause:
         raise SettingsError(f"options {text!r} can't be read: {cause}") from cause
-    return parse([command, *words], blend=False)
+    try:
+        return parse([command, *words], blend=False)
+    except SystemExit:
+        raise SettingsError(f"options {text!r} ask for the help, which is on the terminal: leave it away to {command}"
+                            ) from None
 
 
 def request_of(arguments: argparse.Namespace, scene: Any, blend: str) -> Any:

@@ -74,6 +74,15 @@ def test_wrong_options_are_told_in_one_line(stage):
         bpy.ops.radiosity.bake(options="--error much")
 
 
+@pytest.mark.parametrize("name", ["bake", "relight", "compare"])
+@pytest.mark.parametrize("options", ["--help", "--error .1 -h"])
+def test_asking_an_operator_for_help_does_not_end_blender(stage, capsys, name, options):
+    # The command line's help ends its program. Exact answer: one error, with the help on the terminal.
+    with pytest.raises(RuntimeError, match=f"ask for the help, which is on the terminal: leave it away to {name}"):
+        getattr(bpy.ops.radiosity, name)(options=options)
+    assert f"usage: radiosity {name}" in capsys.readouterr().out
+
+
 def test_a_failure_leaves_the_file_as_it_was_and_frees_the_way(stage, tmp_path):
     # A coordinate that is not finite. Exact answer: one line, no change, and a next bake that works.
     square = bpy.data.objects["Square"]
