@@ -1,7 +1,7 @@
 """What will bake and what will not, or badly, and why: one list before a bake.
 
     what a bake itself would say      the export, with all its warnings
-    check_meshes.py                   flipped, non_manifold, overlapping, giant
+    check_meshes.py                   no_faces, flipped, non_manifold, overlapping, giant
     check_views.py                    back_seen
     check_lights.py                   no_power, no_size
     check_materials.py                non_diffuse, bright, missing_image
@@ -26,7 +26,7 @@ from .check_cost import Cost, expected_cost
 from .check_layout import check_layout
 from .check_lights import check_lights
 from .check_materials import check_images, check_materials
-from .check_meshes import check_meshes
+from .check_meshes import check_faces, check_meshes
 from .check_views import check_views
 from .export import Exported, export_scene
 from .request import Request, remove_empty
@@ -60,6 +60,7 @@ def find(scene: Any, view_layer: Any, settings: Settings, convert: bool = False)
     try:
         exported = export_scene(scene, view_layer, settings, warnings, convert)
         check_materials(exported.materials, warnings)
+        check_faces(view_layer, exported.bindings, warnings)
         check_meshes(exported.scene, _places(view_layer), warnings)
         geometry = Geometry(exported.scene)
         check_views(geometry, scene, warnings)

@@ -1,7 +1,8 @@
-"""Findings on meshes: faces that are turned over or lie in one place, edges of many faces, giant plates."""
+"""Findings on meshes: none of their faces there, turned over or in one place, edges of many faces, giant plates."""
 
 from __future__ import annotations
 
+from collections.abc import Iterable, Iterator
 from typing import Any
 
 import numpy as np
@@ -9,6 +10,7 @@ from numpy.typing import NDArray
 
 from ..solver.mesh_faults import find_faults, inward
 from ..solver.scene import Scene
+from .binding import Binding
 from .giants import giants
 from .warn import Warnings, warn
 
@@ -53,6 +55,25 @@ def check_meshes(scene: Scene, places: dict[str, Float], warnings: Warnings) -> 
                  f"another, mostly {where}, that faces the same way: which one a render shows is chance; delete one of "
                  "them (Mesh > Merge > By Distance) or move them apart")
     _giants(scene, warnings)
+
+
+def check_faces(view_layer: Any, bindings: Iterable[Binding], warnings: Warnings) -> None:
+    """Tell of the meshes of which a render shows nothing, as they have no faces and make none."""
+    shown = {name for binding in bindings for name in (binding.object, binding.instancer)}
+    for item in dict.fromkeys(_rendered(view_layer.layer_collection)):
+        if item.type == "MESH" and not item.data.polygons and item.name not in shown:
+            warn(warnings, item.name, "no_faces", "has no faces, and nothing of it is baked: fill it (Mesh > Face in "
+                 "Edit Mode), or hide it from renders")
+
+
+def _rendered(layer: Any) -> Iterator[Any]:
+    """The objects of a layer's collections that are not hidden from renders."""
+    if layer.collection.hide_render:
+        return
+    if not layer.exclude:
+        yield from (item for item in layer.collection.objects if not item.hide_render)
+    for child in layer.children:
+        yield from _rendered(child)
 
 
 def _giants(scene: Scene, warnings: Warnings) -> None:

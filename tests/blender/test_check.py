@@ -89,6 +89,26 @@ def test_an_image_that_is_missing_is_told_of_each_material(stage):
     assert "missing_image" not in codes("Wall")
 
 
+def test_a_mesh_without_faces_is_told(stage):
+    # An edge; one that a modifier makes faces of; two that renders do not show. Exact answer: the first alone is told.
+    ends = ((0, 0, 3), (1, 0, 3))
+    edge, other, third = (stage.mesh(name, ends, ()) for name in ("Edge", "Hidden", "In hidden collection"))
+    screw = stage.mesh("Screw", ends, ())
+    for item in (edge, other, third, screw):
+        item.data.edges.add(1)
+        item.data.edges[0].vertices = (0, 1)
+    screw.modifiers.new("Screw", "SCREW").axis = "X"
+    other.hide_render = True
+    away = bpy.data.collections.new("Away")
+    bpy.context.scene.collection.children.link(away)
+    bpy.context.scene.collection.objects.unlink(third)
+    away.objects.link(third)
+    away.hide_render = True
+    found = find(bpy.context.scene, bpy.context.view_layer, Settings(**SETTINGS))
+    assert [entry["object"] for entry in found.warnings if entry["code"] == "no_faces"] == ["Edge"]
+    fires_and_not("Edge", "no_faces", lambda: setattr(edge, "hide_render", True))
+
+
 def test_faces_without_area_are_told(stage):
     points = ((0, 0, 0), (1, 0, 0), (1, 1, 0), (0, 1, 0), (2, 0, 0))
     plate = stage.mesh("Plate", points, ((0, 1, 2, 3), (0, 1, 4)))
