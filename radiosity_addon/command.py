@@ -151,7 +151,7 @@ def request_of(arguments: argparse.Namespace, scene: Any, blend: str) -> Any:
         On a value that makes no sense, or if there is no folder to write to.
     """
     from .request import Request, folder_beside, not_own
-    from .settings import settings_of
+    from .settings import groups_of, settings_of
 
     given = vars(arguments)
     settings = settings_of(scene, {name: given[name] for name in WORDS if name in given})
@@ -160,8 +160,7 @@ def request_of(arguments: argparse.Namespace, scene: Any, blend: str) -> Any:
     save = not_own(given.get("save"), blend)
     return Request(settings, output, given.get("report"), save, given.get("pack", scene.radiosity.pack),
                    given.get("apply_modifiers", scene.radiosity.apply_modifiers or save is not None),
-                   given.get("groups", scene.radiosity.groups),
-                   given.get("group_layers", scene.radiosity.group_layers),
+                   groups_of(scene, given), given.get("group_layers", scene.radiosity.group_layers),
                    given.get("reflectances", scene.radiosity.reflectances))
 
 

@@ -8,6 +8,7 @@ from typing import Any
 import bpy
 from bpy.props import BoolProperty, EnumProperty, FloatProperty, IntProperty, PointerProperty, StringProperty
 
+from ..solver.errors import SettingsError
 from ..solver.settings import MAX_RESOLUTION, PRESETS, Settings
 
 ADVICE = "save it, choose an output folder (--output), or pack the images"
@@ -138,10 +139,31 @@ def settings_of(scene: Any, changes: dict[str, Any], only: Iterable[str] = ()) -
     Raises
     ------
     SettingsError
-        On a value that makes no sense.
+        On a value that makes no sense, or a change that would be without effect.
     """
     words = words_of(scene)
     for one, other in (("resolution", "texel_density"), ("texel_density", "resolution")):
         if one in changes and other not in changes:
             words.pop(other, None)
-    return Settings(**{"only": tuple(only), **words, **changes})
+    settings = Settings(**{"only": tuple(only), **words, **changes})
+    if "uv_layer" in changes and settings.target == "vertex":
+        raise SettingsError(f"--uv-layer {settings.uv_layer!r} is given, and vertex colours need no UV map: leave it "
+                            "away, or bake with --target lightmap")
+    return settings
+
+
+def groups_of(scene: Any, given: dict[str, Any]) -> str:
+    """Which lights a bake keeps apart; options that are given go before the scene's settings.
+
+    Raises
+    ------
+    SettingsError
+        If something is given that is of use with groups alone, and there are none.
+    """
+    groups: str = given.get("groups", scene.radiosity.groups)
+    idle = [word for word in ("reflectances", "group_layers") if given.get(word)]
+    # A relight has those of the bake.
+    if idle and groups == "none" and given["command"] != "relight":
+        raise SettingsError(f"--{idle[0].replace('_', '-')} is given, and no light groups are kept: add --groups lamp, "
+                            "or leave it away")
+    return groups

@@ -12,7 +12,7 @@ from ..solver.settings import Settings
 from .command import WORDS
 from .object_settings import is_excluded
 from .request import Request, folder_beside, not_own
-from .settings import ADVICE, settings_of
+from .settings import ADVICE, groups_of, settings_of
 
 
 def settings_in(context: Any, options: Namespace) -> Settings:
@@ -57,5 +57,5 @@ def request_in(context: Any, options: Namespace) -> Request:
     save = not_own(given.get("save"), bpy.data.filepath)
     return Request(settings, output, given.get("report"), save, pack,
                    given.get("apply_modifiers", kept.apply_modifiers or save is not None),
-                   given.get("groups", kept.groups), given.get("group_layers", kept.group_layers),
+                   groups_of(context.scene, given), given.get("group_layers", kept.group_layers),
                    given.get("reflectances", kept.reflectances))

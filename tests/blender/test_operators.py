@@ -11,9 +11,10 @@ import bpy
 import numpy as np
 import pytest
 from radiosity import operators
+from radiosity.radiosity_addon.command import parse_options, request_of
 from radiosity.radiosity_addon.job import Job
 from radiosity.radiosity_addon.request import Request
-from radiosity.solver.errors import RadiosityError
+from radiosity.solver.errors import RadiosityError, SettingsError
 
 
 @pytest.fixture
@@ -72,6 +73,23 @@ def test_the_operators_options_go_before_the_panel(stage, tmp_path):
 def test_wrong_options_are_told_in_one_line(stage):
     with pytest.raises(RuntimeError, match="argument --error: invalid float value: 'much'"):
         bpy.ops.radiosity.bake(options="--error much")
+
+
+@pytest.mark.parametrize(("options", "line"), [
+    ("--target vertex --uv-layer Paint", "--uv-layer 'Paint' is given, and vertex colours need no UV map"),
+    ("--reflectances", "--reflectances is given, and no light groups are kept: add --groups lamp"),
+    ("--groups none --group-layers", "--group-layers is given, and no light groups are kept"),
+])
+def test_options_that_would_have_no_effect_are_told(stage, tmp_path, options, line):
+    # In the operator and on the command line. What the panel holds is no such option: it waits for its use.
+    settings = bpy.context.scene.radiosity
+    settings.reflectances = settings.group_layers = True
+    settings.uv_layer = "Paint"
+    with pytest.raises(RuntimeError, match=line):
+        bpy.ops.radiosity.bake(options=f"--output '{tmp_path}' {options}")
+    with pytest.raises(SettingsError, match=line):
+        request_of(parse_options(options), bpy.context.scene, str(tmp_path / "a.blend"))
+    assert request_of(parse_options("--target vertex"), bpy.context.scene, str(tmp_path / "a.blend")).groups == "none"
 
 
 @pytest.mark.parametrize("name", ["bake", "relight", "compare"])
