@@ -44,8 +44,10 @@ SUFFIX = ".radiosity"
 ABOUT, LAYOUT, LAYERS, PATHS = "groups.json", "layout.npz", "layers_{}.npy", "paths_{}.npy"
 # Arrays of more bytes are left on disk until they are used.
 LARGE = 2**20
+# What the report of a relight has from that of the bake.
+TOLD = ("version", "error", "lumels", "triangles", "patches", "cells", "solver")
 # Changes with what the files hold: older ones are as good as none.
-FORMAT = "radiosity light groups 4"
+FORMAT = "radiosity light groups 5"
 
 
 @dataclass(frozen=True, eq=False)
@@ -90,7 +92,7 @@ def user_folder() -> Path:
 
 
 def stage(folder: Path, bake: Bake, groups: Sequence[Group], seen: Survey, settings: Settings,
-          surfaces: Sequence[Surface], bindings: Sequence[Binding]) -> Path:
+          surfaces: Sequence[Surface], bindings: Sequence[Binding], materials: Sequence[dict[str, Any]]) -> Path:
     """Write a bake's groups into a folder beside `folder`, and return it.
 
     Raises
@@ -111,7 +113,7 @@ def stage(folder: Path, bake: Bake, groups: Sequence[Group], seen: Survey, setti
             "settings": {**settings.as_dict(), "atlas": settings.atlas}, "bindings": [asdict(one) for one in bindings],
             "surfaces": [{"name": one.name, "count": one.count, "receives": one.receives} for one in surfaces],
             "pages": [{"name": page.name, "surfaces": page.surfaces} for page in bake.lightmaps], "scales": scales,
-            "report": {word: bake.report[word] for word in ("version", "error", "lumels", "triangles", "patches")},
+            "report": {**{word: bake.report[word] for word in TOLD}, "materials": list(materials)},
         }
         (beside / ABOUT).write_text(json.dumps(about), encoding="utf-8")
     except OSError as cause:

@@ -63,7 +63,7 @@ class KeptGroups:
         if self.seen is None:
             return None
         return cache.stage(self.folders[0], bake, self.groups, self.seen, request.settings, exported.scene.surfaces,
-                           exported.bindings)
+                           exported.bindings, exported.materials)
 
     def place(self, staged: Path | None) -> None:
         """Put it there. Without groups what an earlier bake kept there goes: its light belongs to other images.

@@ -140,7 +140,8 @@ class RelightJob(Job):
             self._staged = stage(done, replace(self.request, settings=self._kept.settings))
 
     def _report(self, outputs: list[dict[str, Any]]) -> dict[str, Any]:
-        """As a bake's; the error is that of the bake, for the lights that it had."""
+        """As a bake's; the error is that of the bake, for the lights that it had, and so are materials, but for those
+        that reflect otherwise now. Where the light goes is known of the bake's lights alone."""
         assert self._kept is not None
         assert self._bake is not None
         kept = self._kept
@@ -151,6 +152,8 @@ class RelightJob(Job):
             "settings": kept.settings.as_dict(),
             "stages": [{"name": name, "seconds": value, "rays": 0} for name, value in self._seconds.items()],
             "rays": 0,
+            "energy": None,
+            "materials": [row for row in kept.bake.report["materials"] if row["name"] not in self._colours],
             "groups": _told(kept.groups, self._factors),
             **_recoloured(self._bake, self._colours),
             "outputs": outputs,

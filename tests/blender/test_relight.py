@@ -325,6 +325,19 @@ def relit_by_command() -> int:
     return relight_command(relight_request(scene, Namespace()), scene, bpy.context.view_layer, {})
 
 
+def test_the_report_has_all_that_a_bakes_has(baked, tmp_path):
+    # Nothing changed. Exact answer: the keys of the bake's report and `groups`; where light goes is null, as no more is
+    # known than where that of the bake went; what the lamps don't change is what it was.
+    path = tmp_path / "lightmaps" / "report.json"
+    before = json.loads(path.read_text())
+    relight()
+    after = json.loads(path.read_text())
+    assert after.keys() == {*before, "groups"}
+    assert after["energy"] is None
+    for word in ("error", "lumels", "triangles", "patches", "cells", "solver", "materials"):
+        assert after[word] == before[word]
+
+
 def test_an_error_that_the_bake_did_not_reach_is_told_by_the_exit_code(baked, capsys):
     # Kept light whose bake ended short of the error that was wanted. Exact answer: 4 instead of 0, as of the bake, one
     # line, and the image follows all the same.
