@@ -40,8 +40,9 @@ class RADIOSITY_OT_relight(Working, bpy.types.Operator):
     def execute(self, context: Any) -> set[str]:
         """Mix the kept groups, write the images, and wait."""
         try:
-            request = relight_request(context.scene, parse_options(self.options, "relight"))
-            outcome = relight(request, context.scene, context.view_layer)
+            given = parse_options(self.options, "relight")
+            request = relight_request(context.scene, given)
+            outcome = relight(request, context.scene, context.view_layer, vars(given))
         except RadiosityError as error:
             return self._failed(error)
         return self._tell(outcome)
@@ -51,8 +52,8 @@ class RADIOSITY_OT_relight(Working, bpy.types.Operator):
         if bpy.app.background:
             return self.execute(context)
         try:
-            request = relight_request(context.scene, parse_options(self.options, "relight"))
-            job = RelightJob(request, context.scene, context.view_layer)
+            given = parse_options(self.options, "relight")
+            job = RelightJob(relight_request(context.scene, given), context.scene, context.view_layer, vars(given))
         except RadiosityError as error:
             return self._failed(error)
         return self._begin(context, job)

@@ -6,9 +6,10 @@ from __future__ import annotations
 
 import threading
 import time
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from functools import partial
+from types import MappingProxyType
 from typing import Any
 
 import bpy
@@ -39,21 +40,24 @@ Float = NDArray[np.floating[Any]]
 # Words of the settings that kept light was baked with: another value needs another bake.
 BAKED_IN = ("target", "uv_layer", "resolution", "texel_density", "max_pages", "atlas", "quantity", "passes", "only",
             "footprint", "margin", "seed", "error")
-
+# No such word.
+NOTHING: Mapping[str, Any] = MappingProxyType({})
 
 # Part of the time that stages usually take; only the estimate of the time left depends on it.
 WEIGHTS = {"export": 1.0, "light": 4.0, "write": 1.0}
 
 
-def relight(request: Request, scene: Any, view_layer: Any) -> Outcome:
+def relight(request: Request, scene: Any, view_layer: Any, given: Mapping[str, Any] = NOTHING) -> Outcome:
     """Mix the kept groups of a scene anew and write the results; settings are those of the bake.
+
+    given : words that ask for a bake, see `check_words`.
 
     Raises
     ------
     RadiosityError
         If nothing is kept, if it does not hold any more (says what has changed), or if results can't be written.
     """
-    job = RelightJob(request, scene, view_layer)
+    job = RelightJob(request, scene, view_layer, given)
     try:
         job.export()
         job.start()
@@ -65,12 +69,14 @@ def relight(request: Request, scene: Any, view_layer: Any) -> Outcome:
 class RelightJob(Job):
     """A job (see there) that mixes what a bake has kept.
 
+    given : words that ask for a bake, see `check_words`.
     live : whether a change started it, and the next one may end it.
     """
 
-    def __init__(self, request: Request, scene: Any, view_layer: Any, *, live: bool = False) -> None:
+    def __init__(self, request: Request, scene: Any, view_layer: Any, given: Mapping[str, Any] = NOTHING, *,
+                 live: bool = False) -> None:
         super().__init__(request, scene, view_layer)
-        self.live = live
+        self.given, self.live = given, live
         self.progress.weights = WEIGHTS.copy()
         self._kept: cache.Kept | None = None
         # (groups, 3), what each group's layer is multiplied by; and names of materials and objects whose other
@@ -85,11 +91,12 @@ class RelightJob(Job):
         Raises
         ------
         RadiosityError
-            See `relight`.
+            See `relight` and `check_words`.
         """
         self._made = self.request.check_writable()
         with self._timed("read"):
             self._kept = kept = yield from aside(partial(cache.read, cache.find(self.request.output, self.scene_name)))
+        check_words(kept.settings, self.given)
         scene, layer = self._place()
         with self._timed("check"):
             seen = yield from survey_parts(scene, layer, part_seconds)
@@ -163,7 +170,7 @@ class RelightJob(Job):
         }
 
 
-def check_words(kept: Settings, given: dict[str, Any]) -> None:
+def check_words(kept: Settings, given: Mapping[str, Any]) -> None:
     """Refuse words that ask for another bake than the one that is kept.
 
     Raises
@@ -209,15 +216,14 @@ def _recoloured(bake: Bake, names: Sequence[str]) -> dict[str, Any]:
     return {"recoloured": {"names": list(names), **bake.report["recoloured"]}}
 
 
-def relight_command(request: Request, scene: Any, view_layer: Any, given: dict[str, Any]) -> int:
+def relight_command(request: Request, scene: Any, view_layer: Any, given: Mapping[str, Any]) -> int:
     """Relight and wait for it, with progress and warnings on the terminal; Ctrl C cancels. The exit code.
 
     Raises
     ------
     RadiosityError
-        See `relight`, and `check_words` for the words that were given.
+        See `RelightJob.exporting`.
     """
-    check_words(cache.read(cache.find(request.output, scene.name)).settings, given)
-    outcome: Outcome = wait_for(RelightJob(request, scene, view_layer))
+    outcome: Outcome = wait_for(RelightJob(request, scene, view_layer, given))
     print_outcome(outcome.report, request, outcome.exit_code, verb="relit")
     return outcome.exit_code

@@ -77,11 +77,11 @@ def relight() -> None:
     assert bpy.ops.radiosity.relight() == {"FINISHED"}
 
 
-def refused(message: str) -> None:
+def refused(message: str, options: str = "") -> None:
     """A relight ends with one line, and the image stays."""
     before = pixels()
     with pytest.raises(RuntimeError, match=message) as failure:
-        bpy.ops.radiosity.relight()
+        bpy.ops.radiosity.relight(options=options)
     assert len(str(failure.value).strip().splitlines()) == 1
     assert np.array_equal(pixels(), before)
 
@@ -196,6 +196,13 @@ def test_what_needs_a_bake_is_said(baked, what, line):
     # One thing of the scene changed after the bake. Exact answer: a relight says which, and changes nothing.
     change(baked, what)
     refused(line)
+
+
+def test_options_that_need_another_bake_are_refused(baked):
+    # Kept light of 32 pixels a side. Exact answer: 32 are no other bake, 64 are, and groups are chosen by a bake.
+    refused("resolution is 64, and the kept light was baked with 32", "--resolution 64")
+    refused("unrecognized arguments: --groups", "--groups all")
+    assert bpy.ops.radiosity.relight(options="--resolution 32") == {"FINISHED"}
 
 
 def test_a_change_that_is_undone_needs_no_bake(baked):
