@@ -96,8 +96,8 @@ class Request:
         if path.suffix.lower() in OTHERS:
             raise SettingsError(f"--report {path} has the name of an image, a page or a scene: let it end in .json")
         if path.is_file() and not is_report(path):
-            raise SettingsError(f"{path} is no report, and only reports are overwritten by one: give it another name "
-                                "with --report")
+            raise SettingsError(f"{path} is no report, and only reports are overwritten by one: give the report "
+                                "another name (--report), or choose another output folder")
 
 
 def folder_beside(blend: str, folder: str = "", *, advice: str) -> Path:
