@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+import os
 import re
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -11,17 +12,25 @@ import bpy
 import numpy as np
 from numpy.typing import NDArray
 
+from ..solver.quantities import PREFIX
 from .exr_writer import has_attribute, write_exr
 
 Float = NDArray[np.floating[Any]]
 
 # Custom property of all that we make in a .blend, and attribute of all files that we write.
 MARK = "radiosity_lightmaps"
+# Attribute of the files of a bake: its .blend, relative to the file's folder.
+BLEND = f"{PREFIX}blend"
 # What file systems don't take in names.
 FORBIDDEN = re.compile(r'[<>:"/\\|?*\x00-\x1f]')
 
 
-def write_file(folder: Path, name: str, pixels: Float, header: dict[str, str | float], taken: set[Path],
+def is_our_file(path: Path) -> bool:
+    """Whether we wrote an image file."""
+    return has_attribute(path, MARK)
+
+
+def write_file(folder: Path, name: str, pixels: Float, header: dict[str, str | float], taken: set[str],
                layers: Mapping[str, Float] | None = None) -> Path:
     """Write `name`.exr into the folder; `name`_2.exr and so on where such a file is not ours, or was just written.
 
@@ -35,15 +44,21 @@ def write_file(folder: Path, name: str, pixels: Float, header: dict[str, str | f
     return path
 
 
-def free_path(folder: Path, name: str, taken: set[Path]) -> Path:
-    """Where `write_file` writes; it is taken from then on."""
+def free_path(folder: Path, name: str, taken: set[str],
+              may_replace: Callable[[Path], bool] = is_our_file) -> Path:
+    """Where `write_file` writes, or with another word on what it may replace; it is `taken` from then on."""
     stem = FORBIDDEN.sub("_", name).strip(" .") or "Lightmap"
     path, number = folder / f"{stem}.exr", 1
-    while path in taken or (path.exists() and not is_our_file(path)):
+    while place_of(path) in taken or (path.exists() and not may_replace(path)):
         number += 1
         path = folder / f"{stem}_{number}.exr"
-    taken.add(path)
+    taken.add(place_of(path))
     return path
+
+
+def place_of(path: Path) -> str:
+    """A path as it is compared with others, however it is written: on Windows and macOS case makes no difference."""
+    return os.path.realpath(path).casefold()
 
 
 def write_marked(path: Path, pixels: Float, header: dict[str, str | float],
@@ -56,11 +71,6 @@ def write_marked(path: Path, pixels: Float, header: dict[str, str | float],
         If it can't be written.
     """
     write_exr(path, pixels, {**header, MARK: 1.0}, layers)
-
-
-def is_our_file(path: Path) -> bool:
-    """Whether we wrote an image file."""
-    return has_attribute(path, MARK)
 
 
 def linked_image(name: str, path: Path, blend: str, *, pack: bool) -> Any:

@@ -82,7 +82,7 @@ def _weight(one: Maps) -> float:
 
 def _write_images(maps: Iterable[Maps], mean: float, folder: Path, numbers: Path | None) -> list[dict[str, Any]]:
     """Ours, Cycles' and the signed error of each page as EXR files; their paths for the report."""
-    taken: set[Path] = set()
+    taken: set[str] = set()
     outputs = []
     for one in maps:
         error = np.nan_to_num(compare_pictures.signed_error(one, mean))

@@ -80,12 +80,23 @@ def needs_process() -> bool:
 
 def has_attribute(path: Path, name: str) -> bool:
     """Whether a file is an EXR whose header has a number of that name; read as bytes, as OpenEXR may be barred."""
+    return name.encode() + b"\0float\0" in _head(path)
+
+
+def text_attribute(path: Path, name: str) -> str:
+    """The text of that name in an EXR file's header; "" if there is none."""
+    _, found, rest = _head(path).partition(name.encode() + b"\0string\0")
+    return rest[4:4 + int.from_bytes(rest[:4], "little")].decode(errors="replace") if found else ""
+
+
+def _head(path: Path) -> bytes:
+    """The first bytes of an EXR file; none of any other, and of none."""
     try:
         with path.open("rb") as file:
             head = file.read(HEADER_BYTES)
     except OSError:
-        return False
-    return head.startswith(MAGIC) and name.encode() + b"\0float\0" in head
+        return b""
+    return head if head.startswith(MAGIC) else b""
 
 
 def _in_process(job: dict[str, Any], path: Path) -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
@@ -23,8 +24,8 @@ REFLECTANCE = "Reflectance"
 SUFFIX = "_groups"
 
 
-def write(path: Path, bake: Bake, number: int, settings: Settings) -> None:
-    """Write the file of one lightmap.
+def write(path: Path, bake: Bake, number: int, settings: Settings, origin: Mapping[str, str | float]) -> None:
+    """Write the file of one lightmap; `origin` goes into its header.
 
     Raises
     ------
@@ -35,8 +36,7 @@ def write(path: Path, bake: Bake, number: int, settings: Settings) -> None:
               for name, parts in bake.groups.layers.items()}
     if "recoloured" in bake.report:
         layers[REFLECTANCE] = bake.lightmaps[number].pixels - sum_of(layers)
-    about = {**header(settings, bake.report), "software": "Radiosity Lightmaps"}
-    write_marked(path, sum_of(layers), about, layers)
+    write_marked(path, sum_of(layers), {**header(settings, bake.report), **origin}, layers)
 
 
 def sum_of(layers: dict[str, Float]) -> Float:

@@ -70,6 +70,7 @@ class Job:
         self.warnings: Warnings = []
         self.progress = Progress()
         self.scene_name, self._layer_name = scene.name, view_layer.name
+        self.blend = bpy.data.filepath
         # What the viewport shows of the work, if anything (see `live`).
         self.look: Look | None = None
         self._started = time.perf_counter()
@@ -209,7 +210,7 @@ class Job:
         self.progress("write", 0.0)
         self.refuse_cancelled()
         with self._timed("write"):
-            self._staged = stage(done, self.request)
+            self._staged = stage(done, self.request, self.blend)
             self._staged_groups = self._groups.stage(done, self._exported, self.request)
 
     def _unwrapping(self, fraction: float) -> None:

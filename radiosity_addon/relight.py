@@ -144,7 +144,7 @@ class RelightJob(Job):
         self.progress("write", 0.0)
         self.refuse_cancelled()
         with self._timed("write"):
-            self._staged = stage(done, replace(self.request, settings=self._kept.settings))
+            self._staged = stage(done, replace(self.request, settings=self._kept.settings), self.blend)
 
     def _report(self, outputs: list[dict[str, Any]]) -> dict[str, Any]:
         """As a bake's; the error is that of the bake, for the lights that it had, and so are materials, but for those

@@ -49,10 +49,13 @@ def reached(report: dict[str, Any]) -> bool:
 
 def relative_to_report(path: Path, report: Path | None) -> str:
     """A file's path as the report gives it: relative to the report's folder, with forward slashes."""
-    if report is None:
-        return path.as_posix()
+    return path.as_posix() if report is None else relative_path(path, report.parent)
+
+
+def relative_path(path: Path, folder: Path) -> str:
+    """A path relative to a folder, with forward slashes; as it is if that can't be."""
     try:
-        return Path(os.path.relpath(path, report.parent)).as_posix()
+        return Path(os.path.relpath(path, folder)).as_posix()
     except ValueError:
         return path.as_posix()  # another drive
 

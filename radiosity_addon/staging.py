@@ -10,6 +10,7 @@ from __future__ import annotations
 import os
 import shutil
 import tempfile
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -17,6 +18,8 @@ from ..solver.errors import OutputError
 from ..solver.quantities import PREFIX, header
 from ..solver.result import Bake, Lightmap
 from . import baked_images, group_files
+from .claims import Claims
+from .report import relative_path
 from .request import Request
 
 # Characters of the objects' names in a header, so that its own mark stays where `is_our_file` looks for it.
@@ -35,19 +38,24 @@ class Staged:
     images: tuple[Path, ...]
     layers: tuple[Path, ...]
 
-    def place(self, bake: Bake, output: Path) -> tuple[list[Path], list[Path]]:
+    def place(self, names: Sequence[str], output: Path, claims: Claims) -> tuple[list[Path], list[Path]]:
         """Put all files into the output folder: paths of images and of layers, in the order of the lightmaps.
+
+        Parameters
+        ----------
+        names : of the images.
+        claims : what may be replaced.
 
         Raises
         ------
         OutputError
             If that can't be done.
         """
-        taken: set[Path] = set()
-        names = [page.name for page in bake.lightmaps]
-        images = [_moved(file, baked_images.free_path(output, name, taken))
-                  for file, name in zip(self.images, names, strict=True)]
-        layers = [_moved(file, baked_images.free_path(output, name + group_files.SUFFIX, taken))
+        def placed(file: Path, name: str) -> Path:
+            return _moved(file, baked_images.free_path(output, name, claims.taken, claims.may_replace))
+
+        images = [placed(file, name) for file, name in zip(self.images, names, strict=True)]
+        layers = [placed(file, name + group_files.SUFFIX)
                   for file, name in zip(self.layers, names, strict=bool(self.layers))]
         return images, layers
 
@@ -56,8 +64,8 @@ class Staged:
         shutil.rmtree(self.folder, ignore_errors=True)
 
 
-def stage(bake: Bake, request: Request) -> Staged:
-    """Write the images of a bake; touches no bpy.
+def stage(bake: Bake, request: Request, blend: str) -> Staged:
+    """Write the images of a bake of a .blend, "" if it was never saved; touches no bpy.
 
     Raises
     ------
@@ -68,12 +76,12 @@ def stage(bake: Bake, request: Request) -> Staged:
     try:
         images = tuple(folder / f"image_{number}.exr" for number in range(len(bake.lightmaps)))
         for page, path in zip(bake.lightmaps, images, strict=True):
-            baked_images.write_marked(path, page.pixels, _header(bake, page, request))
+            baked_images.write_marked(path, page.pixels, _header(bake, page, request, blend))
         layers: tuple[Path, ...] = ()
         if request.group_layers and request.output is not None and bake.groups.layers:
             layers = tuple(folder / f"layers_{number}.exr" for number in range(len(bake.lightmaps)))
             for number, path in enumerate(layers):
-                group_files.write(path, bake, number, request.settings)
+                group_files.write(path, bake, number, request.settings, _origin(request, blend))
     except BaseException:
         shutil.rmtree(folder, ignore_errors=True)
         raise
@@ -98,7 +106,15 @@ def _moved(file: Path, path: Path) -> Path:
     return path
 
 
-def _header(bake: Bake, lightmap: Lightmap, request: Request) -> dict[str, str | float]:
-    """What a file says of its numbers, and which objects it holds."""
-    return {**header(request.settings, bake.report), "software": "Radiosity Lightmaps",
+def _header(bake: Bake, lightmap: Lightmap, request: Request, blend: str) -> dict[str, str | float]:
+    """What a file says of its numbers, which objects it holds, and where it comes from."""
+    return {**header(request.settings, bake.report), **_origin(request, blend),
             f"{PREFIX}objects": ", ".join(lightmap.surfaces)[:MOST_NAMES]}
+
+
+def _origin(request: Request, blend: str) -> dict[str, str | float]:
+    """The program, and the .blend of a file in the output folder."""
+    program: dict[str, str | float] = {"software": "Radiosity Lightmaps"}
+    if not blend or request.output is None:
+        return program
+    return {**program, baked_images.BLEND: relative_path(Path(blend), request.output)}

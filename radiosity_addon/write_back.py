@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
+from pathlib import Path
 from typing import Any
 
 import bpy
@@ -15,13 +16,14 @@ from ..solver.scene import Surface
 from . import baked_images, mesh_layers, patch_mesh, preview
 from .baked_images import MARK
 from .binding import Binding
+from .claims import Claims
 from .conversion import convert
 from .export import Exported
 from .modifiers import apply_modifiers
 from .parts import Parts
 from .report import relative_to_report
 from .request import Request
-from .results import remember
+from .results import forget, remember, result_of
 from .staging import Staged
 from .warn import Warnings, warn
 
@@ -62,17 +64,22 @@ def _write(exported: Exported, bake: Bake, staged: Staged, request: Request, sce
            warnings: Warnings) -> Parts[list[dict[str, Any]]]:
     if request.settings.target == "vertex":
         stored = yield from _store(exported, bake, request, scene, view_layer, warnings)
+        _forget_overwritten(exported.bindings, stored, request, warnings)
         for binding in exported.bindings:
             _remember(binding, request, stored.get(binding.surface))
         return [_entry(binding, request, attribute=stored.get(binding.surface))
                 for binding in exported.bindings if binding.receives]
-    paths, layers = staged.place(bake, request.output) if request.output is not None else ([], [])
+    claims = Claims(_baked(exported.bindings))
+    names = claims.free_names(page.name for page in bake.lightmaps)
+    paths, layers = staged.place(names, request.output, claims) if request.output is not None else ([], [])
+    _tell_others(claims, paths, warnings)
     images = []
-    for number, page in enumerate(bake.lightmaps):
-        images.append(baked_images.linked_image(page.name, paths[number], bpy.data.filepath, pack=request.pack) if paths
-                      else baked_images.packed_image(page.name, staged.images[number]))
+    for number, name in enumerate(names):
+        images.append(baked_images.linked_image(name, paths[number], bpy.data.filepath, pack=request.pack) if paths
+                      else baked_images.packed_image(name, staged.images[number]))
         yield
     stored = yield from _store(exported, bake, request, scene, view_layer, warnings)
+    _forget_overwritten(exported.bindings, stored, request, warnings)
     outputs = []
     for binding, page in zip(exported.bindings, bake.page_of_surface, strict=True):
         if page < 0:
@@ -101,6 +108,37 @@ def _remember(binding: Binding, request: Request, layer: str | None, image: Any 
         remember(item, request.settings.target, request.settings.quantity, layer, image)
     elif image is not None:
         item[MARK] = image
+
+
+def _baked(bindings: Sequence[Binding]) -> set[str]:
+    """Names of the objects that get a result; of instances none does."""
+    return {binding.object for binding in bindings if binding.receives and not binding.instancer}
+
+
+def _tell_others(claims: Claims, paths: Sequence[Path], warnings: Warnings) -> None:
+    """Tell of files that stay because another .blend baked them."""
+    if claims.others:
+        file, blend = next(iter(claims.others.items()))
+        written = ", ".join(repr(path.name) for path in paths)
+        warn(warnings, "", "other_blend", f"the lightmap {file!r} was baked from {blend!r} and stays, this light is in "
+             f"{written}; the folder's report.json is replaced: give each .blend an output folder of its own")
+
+
+def _forget_overwritten(bindings: Sequence[Binding], stored: dict[str, str], request: Request,
+                        warnings: Warnings) -> None:
+    """Take their results off objects beside the bake, on whose meshes it has put other layouts or colours."""
+    if request.settings.target == "lightmap" and request.settings.uv_layer is not None:
+        return
+    written = {(bpy.data.objects[binding.object].data, stored[binding.surface]): binding.surface
+               for binding in bindings if binding.surface in stored}
+    baked = _baked(bindings)
+    for item in bpy.data.objects:
+        result = result_of(item) if item.name not in baked else None
+        if result is not None and (item.data, result.layer) in written:
+            forget(item)
+            other = written[item.data, result.layer]
+            warn(warnings, item.name, "result_lost", f"shares its mesh with {other!r}, whose bake has put other light "
+                 "on it: it has no result any more, bake both together")
 
 
 def _store(exported: Exported, bake: Bake, request: Request, scene: Any, view_layer: Any,

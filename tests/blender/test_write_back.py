@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -10,6 +12,10 @@ import numpy as np
 import pytest
 from radiosity.radiosity_addon import baked_images, mesh_layers
 from radiosity.radiosity_addon.clear import clear
+from radiosity.radiosity_addon.command import parse_options
+from radiosity.radiosity_addon.job import run
+from radiosity.radiosity_addon.results import result_of
+from radiosity.radiosity_addon.window_request import request_in
 from radiosity.solver import image_file
 from radiosity.solver.errors import OutputError
 
@@ -37,7 +43,7 @@ def test_a_file_that_is_not_ours_is_never_overwritten(tmp_path):
 
 def test_names_that_file_systems_refuse_are_changed_and_stay_apart(tmp_path):
     # Two objects, "a/b" and "a:b". Exact answer: two files.
-    taken: set[Path] = set()
+    taken: set[str] = set()
     paths = [baked_images.write_file(tmp_path, name, PIXELS, {}, taken) for name in ("a/b", "a:b")]
     assert [path.name for path in paths] == ["a_b.exr", "a_b_2.exr"]
 
@@ -148,3 +154,96 @@ def test_clear_takes_away_what_is_ours_and_nothing_else(build, tmp_path):
     assert not len(square.data.color_attributes)
     assert not list(square.keys())
     assert not list(square.data.keys())
+
+
+def bake(*, only: str = "", output: Path | None = None, options: str = "") -> list[str]:
+    """Bake the open file's scene; the messages of its warnings."""
+    scene = bpy.context.scene
+    request = request_in(bpy.context, parse_options(options))
+    settings = replace(request.settings, only=(only,) if only else ())
+    report = run(replace(request, settings=settings, output=output), scene, scene.view_layers[0]).report
+    return [entry["message"] for entry in report["warnings"]]
+
+
+def light(name: str) -> float:
+    """The mean light of an object's image, where there is any."""
+    pixels = values(bpy.data.objects[name][baked_images.MARK])
+    return float(pixels[pixels > 0].mean()) * math.pi
+
+
+def test_a_later_bake_leaves_images_that_others_show(sunny, tmp_path):
+    # Two squares under a sun of 1 W/m2, on one page; then the sun has 3, and one of them is baked. Exact answer: 3 on
+    # that one and 1 on the other, in files of their own; baked together again both have 3 on the first page.
+    sunny.mesh("A")
+    sunny.mesh("B").location.x = 3
+    bake(output=tmp_path)
+    assert (light("A"), light("B")) == pytest.approx((1, 1), rel=0.02)
+    bpy.data.lights["Sun"].energy = 3
+    for _ in range(2):
+        assert bake(only="A", output=tmp_path) == []
+        assert (light("A"), light("B")) == pytest.approx((3, 1), rel=0.02)
+    images = {name: bpy.data.objects[name][baked_images.MARK] for name in "AB"}
+    assert {name: Path(bpy.path.abspath(image.filepath)).name for name, image in images.items()} == {
+        "A": "Lightmap_1_2.exr", "B": "Lightmap_1.exr"}
+    assert image_file.read_exr(tmp_path / "Lightmap_1.exr").max() * math.pi == pytest.approx(1, rel=0.02)
+    bake(output=tmp_path)
+    assert (light("A"), light("B")) == pytest.approx((3, 3), rel=0.02)
+    assert {bpy.data.objects[name][baked_images.MARK].name for name in "AB"} == {"Lightmap_1"}
+
+
+def test_packed_images_that_others_show_stay_too(sunny):
+    sunny.mesh("A")
+    sunny.mesh("B").location.x = 3
+    bake()
+    bpy.data.lights["Sun"].energy = 3
+    bake(only="A")
+    assert (light("A"), light("B")) == pytest.approx((3, 1), rel=0.02)
+
+
+def test_each_scene_of_a_file_keeps_its_images(sunny, tmp_path):
+    # A square a scene under suns of 1 and 3 W/m2, baked into one folder. Exact answer: each shows its scene's light.
+    sunny.mesh("A")
+    bake(output=tmp_path)
+    other = bpy.data.scenes.new("Other")
+    other.radiosity.error, other.radiosity.resolution, other.radiosity.pack = 0.2, 32, True
+    sun = bpy.data.lights.new("Other sun", "SUN")
+    sun.energy = 3
+    for item in (bpy.data.objects.new("Other sun", sun), bpy.data.objects.new("B", bpy.data.objects["A"].data.copy())):
+        other.collection.objects.link(item)
+    request = replace(request_in(bpy.context, parse_options("")), output=tmp_path)
+    run(request, other, other.view_layers[0])
+    assert (light("A"), light("B")) == pytest.approx((1, 3), rel=0.02)
+
+
+@pytest.mark.parametrize("target", ["lightmap", "vertex"])
+def test_an_object_whose_mesh_a_bake_laid_out_anew_loses_its_result(sunny, target):
+    # Two objects of one mesh, baked one after the other. Exact answer: the mesh holds the second's layout or colours,
+    # so the first has no result any more, and one warning says so.
+    mesh = sunny.mesh("A").data
+    sunny.object("B", mesh).location.x = 3
+    options = f"--target {target}"
+    assert bake(only="A", options=options) == []
+    (message,) = bake(only="B", options=options)
+    assert message.startswith("shares its mesh with 'B'")
+    assert result_of(bpy.data.objects["A"]) is None
+    assert result_of(bpy.data.objects["B"]) is not None
+
+
+def test_a_file_of_another_blend_stays_and_is_told(sunny, tmp_path):
+    # Two .blend files beside each other, baked into the folder that both have by default, twice. Exact answer: a file
+    # each and a warning that names the other; once that is gone, nothing stands in the way.
+    sunny.mesh("A")
+    out = tmp_path / "lightmaps"
+    for name, strength, told in (("one", 1, 0), ("two", 3, 1), ("one", 1, 0), ("two", 3, 1)):
+        bpy.data.lights["Sun"].energy = strength
+        bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / f"{name}.blend"))
+        messages = bake(output=out)
+        assert len(messages) == told
+        assert all("'Lightmap_1.exr'" in message and "one.blend" in message for message in messages)
+        bpy.ops.radiosity.clear()
+    for name, strength in (("Lightmap_1", 1), ("Lightmap_1_2", 3)):
+        assert image_file.read_exr(out / f"{name}.exr").max() * math.pi == pytest.approx(strength, rel=0.02)
+    (tmp_path / "one.blend").unlink()
+    assert bake(output=out) == []
+    assert light("A") == pytest.approx(3, rel=0.02)
+    assert bpy.data.objects["A"][baked_images.MARK].filepath.endswith("Lightmap_1.exr")

@@ -1,0 +1,71 @@
+"""What a bake may replace of earlier ones: images that its own objects alone show, and files of no other .blend."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Collection, Iterable
+from pathlib import Path
+from typing import Any
+
+import bpy
+
+from .baked_images import BLEND, MARK, is_our_file, place_of
+from .exr_writer import text_attribute
+
+
+class Claims:
+    """Who shows the images that are there.
+
+    Parameters
+    ----------
+    baked : names of the objects whose images the bake replaces.
+
+    Attributes
+    ----------
+    taken : places of files, as `baked_images.place_of` gives them, that other objects of this .blend show.
+    others : the .blend that baked a file which is there and stays, by the file's name.
+    """
+
+    def __init__(self, baked: Collection[str]) -> None:
+        held = [item[MARK] for item in bpy.data.objects
+                if MARK in item and item[MARK] is not None and item.name not in baked and item.users_scene]
+        self._names = {image.name for image in held if image.library is None}
+        self.taken = set(_places(held))
+        self._own = set(_places(image for image in bpy.data.images if image.library is None and MARK in image))
+        self.others: dict[str, str] = {}
+
+    def free_names(self, wanted: Iterable[str]) -> list[str]:
+        """Names for images: those that are wanted, with _2 and so on where other objects show an image of that name."""
+        used = set(self._names)
+        found = []
+        for name in wanted:
+            free, number = name, 1
+            while free in used:
+                number += 1
+                free = f"{name}_{number}"
+            used.add(free)
+            found.append(free)
+        return found
+
+    def may_replace(self, path: Path) -> bool:
+        """Whether a file is ours, and of this .blend: one that it shows, or that no other one baked."""
+        if not is_our_file(path):
+            return False
+        theirs = _baked_by(path)
+        if theirs is None or place_of(path) in self._own:
+            return True
+        self.others[path.name] = theirs.name
+        return False
+
+
+def _places(images: Iterable[Any]) -> Iterable[str]:
+    return (place_of(Path(bpy.path.abspath(image.filepath, library=image.library))) for image in images)
+
+
+def _baked_by(path: Path) -> Path | None:
+    """The .blend that a file was baked from, if that is there and not the open one."""
+    told = text_attribute(path, BLEND)
+    theirs = Path(os.path.normpath(path.parent / told))
+    if not told or not theirs.is_file() or (bpy.data.filepath and theirs.samefile(bpy.data.filepath)):
+        return None
+    return theirs
