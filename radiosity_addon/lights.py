@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+from collections import defaultdict
 from collections.abc import Callable
 from dataclasses import replace
 from typing import Any
 
+import bpy
 import numpy as np
 from numpy.typing import NDArray
 
@@ -27,6 +29,8 @@ SHEAR = 1e-3
 ONE_COLOUR = 1e-2
 # Fewer bounces than this that a lamp's light may make are told of; diffuse light of more is faint.
 FEW_BOUNCES = 8
+# What leads from a scene to a light: nodes and particles instance objects and collections that are in no scene.
+ON_THE_WAY = {"COLLECTION", "LIGHT", "NODETREE", "OBJECT", "PARTICLE"}
 
 
 def export_lights(depsgraph: Any, linking: Linking, warnings: Warnings,
@@ -55,19 +59,21 @@ def export_lights(depsgraph: Any, linking: Linking, warnings: Warnings,
 
 
 def lamp_data(scene: Any) -> list[Any]:
-    """The lights of a scene's lamps, those of instanced collections too."""
-    collections = [scene.collection]
-    met = {scene.collection}
-    lights = {}
-    for collection in collections:
-        for item in collection.all_objects:
-            if item.type == "LIGHT":
-                lights[item.data.name_full] = item.data
-            instanced = item.instance_collection if item.instance_type == "COLLECTION" else None
-            if instanced is not None and instanced not in met:
-                met.add(instanced)
-                collections.append(instanced)
-    return list(lights.values())
+    """The lights that a render of a scene may show: all that its objects lead to, and those of its background set."""
+    led_to = defaultdict(list)
+    for block, users in bpy.data.user_map(key_types=ON_THE_WAY).items():
+        for user in users:
+            led_to[user].append(block)
+    met: set[Any] = set()
+    waiting = [scene]
+    while waiting:
+        block = waiting.pop()
+        if block not in met:
+            met.add(block)
+            waiting += led_to[block]
+            if isinstance(block, bpy.types.Scene) and block.background_set is not None:
+                waiting.append(block.background_set)
+    return sorted((block for block in met if isinstance(block, bpy.types.Light)), key=lambda data: str(data.name_full))
 
 
 def _export(lamp: Any, matrix: Float, emissions: Emissions, warnings: Warnings) -> list[Light]:

@@ -5,6 +5,7 @@ import math
 import bpy
 import numpy as np
 import pytest
+from radiosity.radiosity_addon.lights import lamp_data
 from radiosity.solver.luminaire import Luminaire
 from radiosity.tests.blender.stage import assert_agree, emission_nodes, exported, lamp, warned
 
@@ -154,6 +155,43 @@ def test_an_image_on_an_area_lamp_counts_by_its_mean_and_is_told_of(stage):
     lights, message = warned()
     assert "mean" in message
     assert lights[0].power() == pytest.approx([25, 12.5, 12.5], rel=1e-3)
+
+
+def _by_geometry_nodes(scene, collection):
+    """Instance a collection by the Collection Info node of an object's modifier."""
+    tree = bpy.data.node_groups.new("Instances", "GeometryNodeTree")
+    tree.interface.new_socket("Geometry", in_out="OUTPUT", socket_type="NodeSocketGeometry")
+    source, output = tree.nodes.new("GeometryNodeCollectionInfo"), tree.nodes.new("NodeGroupOutput")
+    source.inputs["Collection"].default_value = collection
+    tree.links.new(source.outputs[0], output.inputs[0])
+    carrier = bpy.data.objects.new("Carrier", bpy.data.meshes.new("Carrier"))
+    carrier.modifiers.new("Nodes", "NODES").node_group = tree
+    scene.collection.objects.link(carrier)
+
+
+def _by_background_set(scene, collection):
+    """Show a collection in the scene's background set."""
+    scene.background_set = bpy.data.scenes.new("Set")
+    scene.background_set.collection.children.link(collection)
+
+
+@pytest.mark.parametrize("show", [_by_geometry_nodes, _by_background_set])
+def test_lamps_that_are_shown_from_elsewhere_have_their_nodes(stage, show):
+    # A lamp of 1 W, five times as strong by its nodes, and red. Exact answer: 5 W of red, over all directions.
+    bulb = lamp("POINT", energy=1)
+    emission_nodes(bulb, (1, 0, 0), 5)
+    collection = bpy.data.collections.new("Elsewhere")
+    collection.objects.link(bulb)
+    stage.collection.objects.unlink(bulb)
+    show(stage, collection)
+    (light,) = exported()
+    assert light.colour == pytest.approx([5 / (4 * math.pi), 0, 0])
+
+
+def test_lamps_of_other_scenes_are_not_looked_at(stage):
+    bpy.data.scenes.new("Other").collection.objects.link(lamp("POINT", energy=1))
+    stage.collection.objects.unlink(bpy.data.objects["Lamp"])
+    assert lamp_data(stage) == []
 
 
 def test_reading_nodes_leaves_nothing_behind(stage):
