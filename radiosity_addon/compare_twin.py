@@ -22,6 +22,7 @@ from .compare_linking import kinds, masks
 from .compare_score import layout_of
 from .linking import Linking
 from .visible import shown_meshes
+from .world import rendered_world
 
 Float = NDArray[np.floating[Any]]
 
@@ -85,11 +86,12 @@ def write_stage(scene: Any, depsgraph: Any, folder: Path) -> Stage:
         blocks.add(scene.camera.data)
         evaluated = scene.camera.evaluated_get(depsgraph)
         camera = Placed(scene.camera.data.name, _rows(evaluated.matrix_world))
-    if scene.world is not None:
-        blocks.add(scene.world)
+    world = rendered_world(scene, depsgraph.view_layer)
+    if world is not None:
+        blocks.add(world)
     bpy.data.libraries.write(str(folder / LAMPS), blocks, path_remap="ABSOLUTE", fake_user=True)
-    world = scene.world.name if scene.world is not None else None
-    return Stage(tuple(lights), world, camera, (scene.render.resolution_x, scene.render.resolution_y))
+    name = world.name if world is not None else None
+    return Stage(tuple(lights), name, camera, (scene.render.resolution_x, scene.render.resolution_y))
 
 
 def _rows(matrix: Any) -> list[list[float]]:

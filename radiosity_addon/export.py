@@ -29,7 +29,7 @@ from .parts import ENDLESS, Parts, aside, whole
 from .surfaces import Surfaces, surface_parts
 from .units import per_blender_unit
 from .warn import Warnings
-from .world import World, needs_render, world_parts
+from .world import World, needs_render, rendered_world, world_parts
 from .world_render import COARSE
 
 # Is given a scene that has no sky yet, to be called in another thread; the parts that bring a coarse sky with its suns;
@@ -86,8 +86,9 @@ def export_parts(scene: Any, view_layer: Any, settings: Settings, warnings: Warn
     """
     settings = per_blender_unit(settings, scene, warnings)
     with _cycles_elsewhere(part_seconds) as elsewhere:
-        if elsewhere is not None and needs_render(scene.world):
-            elsewhere.bring([scene.world])
+        world = rendered_world(scene, view_layer)
+        if elsewhere is not None and needs_render(world):
+            elsewhere.bring([world])
         emissions = yield from emission_parts(lamp_data(scene), warnings)
         if glance is not None:
             yield from _glanced(scene, view_layer, settings, emissions, convert, part_seconds, glance, elsewhere)
@@ -95,7 +96,7 @@ def export_parts(scene: Any, view_layer: Any, settings: Settings, warnings: Warn
         assembly = found.assembly
         yield from aside(assembly.settle)
         yield from assembly.materials.read_images()
-        sky, suns = yield from world_parts(scene.world, warnings, None, part_seconds, elsewhere)
+        sky, suns = yield from world_parts(world, warnings, None, part_seconds, elsewhere)
         yield from assembly.materials.evaluate(scene.frame_current, elsewhere)
     return (yield from aside(partial(_lit, found, (*found.lamps, *suns), sky, settings, warnings)))
 
@@ -113,7 +114,8 @@ def _glanced(scene: Any, view_layer: Any, settings: Settings, emissions: Emissio
         found.assembly.settle()
         return found.assembly.scene(found.lamps, Sky())
 
-    yield from glance(dark, world_parts(scene.world, [], COARSE, elsewhere=elsewhere), settings)
+    sky = world_parts(rendered_world(scene, view_layer), [], COARSE, elsewhere=elsewhere)
+    yield from glance(dark, sky, settings)
 
 
 def _cycles_elsewhere(part_seconds: float) -> AbstractContextManager[Elsewhere | None]:

@@ -16,7 +16,7 @@ from .linking import Linking
 from .parts import ENDLESS, Parts
 from .receiving import choose_receivers
 from .render_walk import Clock, walk
-from .visible import shown_meshes
+from .visible import rendered_meshes
 from .warn import Warnings
 
 
@@ -63,7 +63,7 @@ class _Reader:
     def go_on(self, depsgraph: Any, clock: Clock) -> bool:
         """Read some meshes; whether these were the last."""
         first = not self.bindings
-        shown = shown_meshes(depsgraph, self._warnings if first else [])
+        shown = rendered_meshes(depsgraph, self._warnings if first else [])
         if not shown:
             raise NothingToBake("a render of the scene shows no mesh with faces: add one, or make it visible in "
                                 "renders")

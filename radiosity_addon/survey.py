@@ -22,7 +22,8 @@ from .mesh_layers import COLOURS_MARK, UV_MARK
 from .parts import ENDLESS, Parts, whole
 from .render_walk import Clock, walk
 from .sockets import Triple
-from .visible import Shown, shown_meshes
+from .visible import Shown, rendered_meshes
+from .world import rendered_world
 
 # Fields of lamps that say how strong they are.
 STRENGTHS = frozenset({"flux", "irradiance_facing"})
@@ -97,7 +98,7 @@ def survey_parts(scene: Any, view_layer: Any, part_seconds: float = ENDLESS) -> 
     SceneError
         As an export does.
     """
-    world = scene.world
+    world = rendered_world(scene, view_layer)
     emissions = yield from emission_parts(lamp_data(scene), [])
     looker = _Looker(emissions, Source(rest_of(world), knobs_of(world)))
     yield from walk(scene, view_layer, looker.go_on, part_seconds)
@@ -114,7 +115,7 @@ class _Looker:
 
     def go_on(self, depsgraph: Any, clock: Clock) -> bool:
         """Look at the lamps, then at materials, then at meshes; whether these were the last."""
-        shown = shown_meshes(depsgraph, [])
+        shown = rendered_meshes(depsgraph, [])
         linking = Linking(depsgraph, shown)
         if not self._lit:
             self._lit = True

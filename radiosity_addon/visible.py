@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -40,6 +40,21 @@ class Shown:
     materials: tuple[Any, ...]
     random: float
     own_mesh: bool
+
+
+def rendered_meshes(depsgraph: Any, warnings: Warnings) -> list[Shown]:
+    """`shown_meshes` with the materials that a render gives them: the view layer's Material Override, if it has one.
+
+    Raises
+    ------
+    SceneError
+        As `shown_meshes`.
+    """
+    shown = shown_meshes(depsgraph, warnings)
+    override = depsgraph.view_layer_eval.material_override
+    if override is None:
+        return shown
+    return [replace(item, materials=(override,) * max(len(item.materials), 1)) for item in shown]
 
 
 def shown_meshes(depsgraph: Any, warnings: Warnings) -> list[Shown]:

@@ -30,6 +30,14 @@ def read_world(world: Any, warnings: Warnings) -> tuple[Sky, tuple[Light, ...]]:
     return whole(world_parts(world, warnings))
 
 
+def rendered_world(scene: Any, view_layer: Any) -> Any:
+    """The world that lights a render of a view layer: its own one, if it has that, else the scene's; None for none."""
+    if not view_layer.use_sky:
+        return None
+    # A world of its own came with Blender 5.
+    return getattr(view_layer, "world_override", None) or scene.world
+
+
 def needs_render(world: Any) -> bool:
     """Whether Cycles has to look at a world."""
     return world is not None and bool(world.cycles_visibility.diffuse) and _constant(world, []) is None

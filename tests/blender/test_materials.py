@@ -55,6 +55,18 @@ def test_each_face_has_its_own_material_and_a_slot_too_high_means_the_last(build
     assert export([]).reflectance.tolist() == [[0.5, 0, 0]] * 2 + [[0, 0.5, 0]] * 4
 
 
+def test_a_material_override_of_the_view_layer_goes_before_all(build):
+    # A red and a plain square, and a green override. Exact answer: green, as a render shows them; no slot has changed.
+    build.sun()
+    red = build.mesh("Red", material=(0.5, 0, 0))
+    build.mesh("Plain").location.z = 1
+    bpy.context.view_layer.material_override = build.material("Green", (0, 0.5, 0))
+    assert export([]).reflectance.tolist() == [[0, 0.5, 0]] * 4
+    bpy.context.view_layer.material_override = None
+    assert export([]).reflectance[0].tolist() == [0.5, 0, 0]
+    assert red.material_slots[0].material.name == "Red paint"
+
+
 def test_an_object_without_material_is_blenders_default_grey(build):
     build.sun()
     build.mesh("Plain")

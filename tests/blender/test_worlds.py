@@ -6,10 +6,12 @@ import bpy
 import numpy as np
 import pytest
 from radiosity.radiosity_addon import world_render
+from radiosity.radiosity_addon.export import export_scene
 from radiosity.radiosity_addon.world import read_world
 from radiosity.solver import sky as skies
 from radiosity.solver.lamps import Sun
 from radiosity.solver.sampling import cosine_directions
+from radiosity.solver.settings import Settings
 from radiosity.tests.blender.stage import (
     LUMELS,
     OPEN_X,
@@ -18,8 +20,10 @@ from radiosity.tests.blender.stage import (
     cycles_irradiance,
     footprint_points,
     hits_plate,
+    lamp,
     our_irradiance,
     random_numbers,
+    set_stage,
     set_world,
 )
 
@@ -160,6 +164,24 @@ def test_a_world_is_looked_at_as_closely_as_it_needs(stage):
         node.sun_disc = True
     tree.nodes.new("ShaderNodeTexVoronoi")
     assert world_render.fine_map(world) is world_render.FINE
+
+
+def test_the_world_is_the_view_layers(build):
+    # A sun of 1 W/m2 under a world of radiance 1, and a view layer without Environment. Exact answer: the sun alone, as
+    # Cycles has it. With a world of its own, where Blender has that: that world's radiance, 3.
+    stage, layer = set_stage(), bpy.context.view_layer
+    set_world((1, 1, 1))
+    lamp("SUN", energy=1)
+    layer.use_sky = False
+    without = export_scene(stage, layer, Settings(), []).scene
+    assert without.sky.is_black
+    assert [light.name for light in without.lights] == ["Lamp"]
+    assert cycles_irradiance(samples=1)[0] == pytest.approx(1, rel=TOLERANCE)
+    layer.use_sky = True
+    if hasattr(layer, "world_override"):
+        layer.world_override = stage.world.copy()
+        layer.world_override.node_tree.nodes["Background"].inputs["Strength"].default_value = 3
+        assert export_scene(stage, layer, Settings(), []).scene.sky.radiance == pytest.approx([3, 3, 3])
 
 
 def test_a_world_hidden_from_diffuse_rays_gives_no_light(stage):
