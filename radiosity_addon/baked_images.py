@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import os
-import re
 from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
@@ -14,6 +13,7 @@ from numpy.typing import NDArray
 
 from ..solver.quantities import PREFIX
 from .exr_writer import has_attribute, write_exr
+from .names import block_name, file_stem
 
 Float = NDArray[np.floating[Any]]
 
@@ -21,8 +21,6 @@ Float = NDArray[np.floating[Any]]
 MARK = "radiosity_lightmaps"
 # Attribute of the files of a bake: its .blend, relative to the file's folder.
 BLEND = f"{PREFIX}blend"
-# What file systems don't take in names.
-FORBIDDEN = re.compile(r'[<>:"/\\|?*\x00-\x1f]')
 
 
 def is_our_file(path: Path) -> bool:
@@ -47,7 +45,7 @@ def write_file(folder: Path, name: str, pixels: Float, header: dict[str, str | f
 def free_path(folder: Path, name: str, taken: set[str],
               may_replace: Callable[[Path], bool] = is_our_file) -> Path:
     """Where `write_file` writes, or with another word on what it may replace; it is `taken` from then on."""
-    stem = FORBIDDEN.sub("_", name).strip(" .") or "Lightmap"
+    stem = file_stem(name) or "Lightmap"
     path, number = folder / f"{stem}.exr", 1
     while place_of(path) in taken or (path.exists() and not may_replace(path)):
         number += 1
@@ -87,7 +85,7 @@ def packed_image(name: str, path: Path) -> Any:
     image = _loaded(name, path)
     # Packs the file's own bytes, 32 bit floats; an image filled through `pixels` would be packed by way of 16.
     image.pack()
-    image.filepath = f"//{FORBIDDEN.sub('_', name)}.exr"
+    image.filepath = f"//{file_stem(name)}.exr"
     return image
 
 
@@ -97,6 +95,7 @@ def _loaded(name: str, path: Path) -> Any:
     image.colorspace_settings.name = "Linear Rec.709"
     image[MARK] = True
     image.use_fake_user = True
+    name = block_name(name)
     old = bpy.data.images.get(name)
     if old is not None and old.library is None and MARK in old:
         old.user_remap(image)

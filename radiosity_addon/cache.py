@@ -30,10 +30,10 @@ from ..solver.paths import Paths
 from ..solver.result import Bake, Lightmap
 from ..solver.scene import Surface
 from ..solver.settings import Settings
-from .baked_images import FORBIDDEN
 from .binding import Binding
 from .digest import digest
 from .light_groups import Group, Member
+from .names import file_stem
 from .survey import Survey
 
 Float = NDArray[np.floating[Any]]
@@ -72,7 +72,7 @@ class Kept:
 
 def places(output: Path | None, scene_name: str) -> list[Path]:
     """Where the groups of a scene may be kept: in the output folder, if there is one, and in the user's folder."""
-    name = FORBIDDEN.sub("_", scene_name).strip(" .") + SUFFIX
+    name = file_stem(scene_name) + SUFFIX
     own = user_folder() / (digest(bpy.data.filepath) if bpy.data.filepath else f"unsaved-{os.getpid()}") / name
     return [own] if output is None else [output / name, own]
 

@@ -11,6 +11,7 @@ import bpy
 
 from .baked_images import BLEND, MARK, is_our_file, place_of
 from .exr_writer import text_attribute
+from .names import block_name
 
 
 class Claims:
@@ -40,10 +41,10 @@ class Claims:
         found = []
         for name in wanted:
             free, number = name, 1
-            while free in used:
+            while block_name(free) in used:
                 number += 1
                 free = f"{name}_{number}"
-            used.add(free)
+            used.add(block_name(free))
             found.append(free)
         return found
 

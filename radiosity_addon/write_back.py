@@ -20,6 +20,7 @@ from .claims import Claims
 from .conversion import convert
 from .export import Exported
 from .modifiers import apply_modifiers
+from .names import KEY_BYTES, fitted
 from .parts import Parts
 from .report import relative_to_report
 from .request import Request
@@ -208,4 +209,4 @@ def _on_corners(surface: Surface, values: Float | None, corner_count: int) -> Fl
 def _attribute_name(binding: Binding, bindings: Sequence[Binding]) -> str:
     """A mesh that several surfaces show gets a colour attribute for each of them."""
     alone = sum(other.receives and other.layout == binding.layout for other in bindings) == 1
-    return mesh_layers.COLOURS if alone else f"{mesh_layers.COLOURS}_{binding.surface}"
+    return mesh_layers.COLOURS if alone else fitted(f"{mesh_layers.COLOURS}_{binding.surface}", KEY_BYTES)

@@ -14,6 +14,7 @@ from radiosity.radiosity_addon import baked_images, mesh_layers
 from radiosity.radiosity_addon.clear import clear
 from radiosity.radiosity_addon.command import parse_options
 from radiosity.radiosity_addon.job import run
+from radiosity.radiosity_addon.names import block_name
 from radiosity.radiosity_addon.results import result_of
 from radiosity.radiosity_addon.window_request import request_in
 from radiosity.solver import image_file
@@ -41,11 +42,23 @@ def test_a_file_that_is_not_ours_is_never_overwritten(tmp_path):
     assert sorted(item.name for item in tmp_path.iterdir()) == ["Lightmap_1.exr", "Lightmap_1_2.exr"]
 
 
-def test_names_that_file_systems_refuse_are_changed_and_stay_apart(tmp_path):
-    # Two objects, "a/b" and "a:b". Exact answer: two files.
+@pytest.mark.parametrize(("names", "files"), [(("a/b", "a:b"), ["a_b", "a_b_2"]), (("a", "A"), ["a", "A_2"])])
+def test_names_that_file_systems_refuse_are_changed_and_stay_apart(tmp_path, names, files):
+    # Two objects, "a/b" and "a:b", or "a" and "A", one where case makes no difference. Exact answer: two files.
     taken: set[str] = set()
-    paths = [baked_images.write_file(tmp_path, name, PIXELS, {}, taken) for name in ("a/b", "a:b")]
-    assert [path.name for path in paths] == ["a_b.exr", "a_b_2.exr"]
+    paths = [baked_images.write_file(tmp_path, name, PIXELS, {}, taken) for name in names]
+    assert [path.stem for path in paths] == files
+
+
+def test_names_that_are_too_long_for_files_are_cut_and_stay_apart(tmp_path):
+    # Two names of 301 bytes that differ in the last. Exact answer: two files, and the same when they are written again.
+    written = []
+    for _ in range(2):
+        taken: set[str] = set()
+        written += [baked_images.write_file(tmp_path, "x" * 300 + end, PIXELS, {}, taken) for end in "12"]
+    assert written[:2] == written[2:]
+    assert {*written} == {*tmp_path.iterdir()}
+    assert len({*written}) == 2
 
 
 def test_a_users_image_keeps_its_name_and_pixels(build, tmp_path):
@@ -247,3 +260,32 @@ def test_a_file_of_another_blend_stays_and_is_told(sunny, tmp_path):
     assert bake(output=out) == []
     assert light("A") == pytest.approx(3, rel=0.02)
     assert bpy.data.objects["A"][baked_images.MARK].filepath.endswith("Lightmap_1.exr")
+
+
+@pytest.mark.parametrize("options", ["--target vertex", "--atlas object"])
+def test_objects_of_long_names_have_results_of_their_own(sunny, tmp_path, options):
+    # Two objects of one mesh, in the sun and in the shade, and their scene, all with names as long as Blender takes.
+    # Exact answer: each has its light, and a second bake leaves no more than the first.
+    bpy.context.scene.name = longest = block_name("x" * 999)
+    first = sunny.mesh(f"{longest[:-1]}1")
+    second = sunny.object(f"{longest[:-1]}2", first.data)
+    second.location.x = 5
+    sunny.mesh("Roof", ((4, -1, 2), (7, -1, 2), (7, 2, 2), (4, 2, 2)))
+    left = set()
+    for _ in range(2):
+        bake(output=tmp_path, options=options)
+        bright, dark = (brightest(result_of(item)) for item in (first, second))
+        assert bright == pytest.approx(1 / math.pi, rel=0.02)
+        assert dark < 0.02 * bright
+        left.add((len(bpy.data.images), len(first.data.attributes), len(list(tmp_path.iterdir()))))
+    assert len(left) == 1
+    clear()
+    assert not len(first.data.color_attributes)
+
+
+def brightest(result: Any) -> float:
+    """The most light of a result."""
+    if result.image is not None:
+        return float(values(result.image).max())
+    colours = result.item.data.color_attributes[result.layer].data
+    return max(float(item.color[0]) for item in colours)
