@@ -29,6 +29,7 @@ from .parts import ENDLESS, Parts, aside, whole
 from .surfaces import Surfaces, surface_parts
 from .units import per_blender_unit
 from .warn import Warnings
+from .working_space import tell_working_space
 from .world import World, needs_render, rendered_world, world_parts
 from .world_render import COARSE
 
@@ -85,6 +86,7 @@ def export_parts(scene: Any, view_layer: Any, settings: Settings, warnings: Warn
     glance : its parts come first.
     """
     settings = per_blender_unit(settings, scene, warnings)
+    tell_working_space(warnings)
     with _cycles_elsewhere(part_seconds) as elsewhere:
         world = rendered_world(scene, view_layer)
         if elsewhere is not None and needs_render(world):

@@ -82,6 +82,19 @@ def test_watts_per_square_unit_are_told(build, quantity, warned):
     assert all(quantity in warning["message"] and "0.01" in warning["message"] for warning in warnings)
 
 
+@pytest.mark.skipif(not hasattr(bpy.data, "colorspace"), reason="Blender before 5.0 has no other working space")
+def test_another_working_space_is_told(build):
+    # A square under a sun. Exact answer: one warning in a file of Rec. 2020, none in one of Rec. 709.
+    build.sun()
+    build.mesh("Square")
+    for space, count in (("Linear Rec.2020", 1), ("Linear Rec.709", 0)):
+        bpy.ops.wm.set_working_color_space(working_space=space)
+        warnings: list[dict[str, Any]] = []
+        export_scene(bpy.context.scene, bpy.context.view_layer, Settings(), warnings)
+        assert [warning["code"] for warning in warnings] == ["working_space"] * count
+        assert all(repr(space) in warning["message"] for warning in warnings)
+
+
 @pytest.mark.parametrize("pack", [False, True])
 def test_the_image_says_its_quantity_unit_seed_and_error(build, tmp_path, pack):
     # A square of 400 units, shown as 4 m, under a sun of 1 W/m2, 20 px/m, as illuminance. Exact answer: 683 lux in
