@@ -23,21 +23,22 @@ class Claims:
 
     Attributes
     ----------
+    holders : an object that is not baked and shows an image, by the image's name.
     taken : places of files, as `baked_images.place_of` gives them, that other objects of this .blend show.
     others : the .blend that baked a file which is there and stays, by the file's name.
     """
 
     def __init__(self, baked: Collection[str]) -> None:
-        held = [item[MARK] for item in bpy.data.objects
+        held = [(item.name, item[MARK]) for item in bpy.data.objects
                 if MARK in item and item[MARK] is not None and item.name not in baked and item.users_scene]
-        self._names = {image.name for image in held if image.library is None}
-        self.taken = set(_places(held))
+        self.holders = {image.name: item for item, image in held if image.library is None}
+        self.taken = set(_places(image for _, image in held))
         self._own = set(_places(image for image in bpy.data.images if image.library is None and MARK in image))
         self.others: dict[str, str] = {}
 
     def free_names(self, wanted: Iterable[str]) -> list[str]:
         """Names for images: those that are wanted, with _2 and so on where other objects show an image of that name."""
-        used = set(self._names)
+        used = set(self.holders)
         found = []
         for name in wanted:
             free, number = name, 1

@@ -20,7 +20,7 @@ from .claims import Claims
 from .conversion import convert
 from .export import Exported
 from .modifiers import apply_modifiers
-from .names import KEY_BYTES, fitted
+from .names import KEY_BYTES, block_name, fitted
 from .parts import Parts
 from .report import relative_to_report
 from .request import Request
@@ -73,7 +73,7 @@ def _write(exported: Exported, bake: Bake, staged: Staged, request: Request, sce
     claims = Claims(_baked(exported.bindings))
     names = claims.free_names(page.name for page in bake.lightmaps)
     paths, layers = staged.place(names, request.output, claims) if request.output is not None else ([], [])
-    _tell_others(claims, paths, warnings)
+    _tell_kept(claims, bake, names, paths, request, warnings)
     images = []
     for number, name in enumerate(names):
         images.append(baked_images.linked_image(name, paths[number], bpy.data.filepath, pack=request.pack) if paths
@@ -116,8 +116,14 @@ def _baked(bindings: Sequence[Binding]) -> set[str]:
     return {binding.object for binding in bindings if binding.receives and not binding.instancer}
 
 
-def _tell_others(claims: Claims, paths: Sequence[Path], warnings: Warnings) -> None:
-    """Tell of files that stay because another .blend baked them."""
+def _tell_kept(claims: Claims, bake: Bake, names: Sequence[str], paths: Sequence[Path], request: Request,
+               warnings: Warnings) -> None:
+    """Tell of images that stay although all was baked, and of files that another .blend baked."""
+    for page, name in zip(bake.lightmaps, names, strict=True):
+        holder = claims.holders.get(block_name(page.name))
+        if holder is not None and not request.settings.only:
+            warn(warnings, holder, "image_kept", f"is not baked now and still shows the image {page.name!r}: this "
+                 f"light is in {name!r}; bake that object too, or Clear before, to have it in {page.name!r}")
     if claims.others:
         file, blend = next(iter(claims.others.items()))
         written = ", ".join(repr(path.name) for path in paths)

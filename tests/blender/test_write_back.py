@@ -204,6 +204,20 @@ def test_a_later_bake_leaves_images_that_others_show(sunny, tmp_path):
     assert {bpy.data.objects[name][baked_images.MARK].name for name in "AB"} == {"Lightmap_1"}
 
 
+def test_an_image_that_a_hidden_object_shows_stays_and_is_told(sunny):
+    # Two squares on one page under a sun of 1 W/m2; one is hidden, the sun has 3. Exact answer: each has its own light,
+    # and one warning says of the hidden one why the other's image has another name than before.
+    sunny.mesh("A")
+    hidden = sunny.mesh("B")
+    hidden.location.x = 3
+    bake()
+    hidden.hide_render = True
+    bpy.data.lights["Sun"].energy = 3
+    (message,) = bake()
+    assert "still shows the image 'Lightmap_1': this light is in 'Lightmap_1_2'" in message
+    assert (light("A"), light("B")) == pytest.approx((3, 1), rel=0.02)
+
+
 def test_packed_images_that_others_show_stay_too(sunny):
     sunny.mesh("A")
     sunny.mesh("B").location.x = 3
