@@ -19,8 +19,9 @@ Float = NDArray[np.floating[Any]]
 
 # Custom property of all that we make in a .blend, and attribute of all files that we write.
 MARK = "radiosity_lightmaps"
-# Attribute of the files of a bake: its .blend, relative to the file's folder.
-BLEND = f"{PREFIX}blend"
+# Attributes of the files of a bake: its .blend, relative to the file's folder, and the objects, with commas between.
+BLEND, OBJECTS = f"{PREFIX}blend", f"{PREFIX}objects"
+BETWEEN = ", "
 
 
 def is_our_file(path: Path) -> bool:

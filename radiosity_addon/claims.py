@@ -9,7 +9,7 @@ from typing import Any
 
 import bpy
 
-from .baked_images import BLEND, MARK, is_our_file, place_of
+from .baked_images import BETWEEN, BLEND, MARK, OBJECTS, is_our_file, place_of
 from .exr_writer import text_attribute
 from .names import block_name
 
@@ -26,6 +26,7 @@ class Claims:
     holders : an object that is not baked and shows an image, by the image's name.
     taken : places of files, as `baked_images.place_of` gives them, that other objects of this .blend show.
     others : the .blend that baked a file which is there and stays, by the file's name.
+    lost : an object that is not baked and had its light in a file that is replaced, by the file's name.
     """
 
     def __init__(self, baked: Collection[str]) -> None:
@@ -35,6 +36,8 @@ class Claims:
         self.taken = set(_places(image for _, image in held))
         self._own = set(_places(image for image in bpy.data.images if image.library is None and MARK in image))
         self.others: dict[str, str] = {}
+        self.lost: dict[str, str] = {}
+        self._baked = baked
 
     def free_names(self, wanted: Iterable[str]) -> list[str]:
         """Names for images: those that are wanted, with _2 and so on where other objects show an image of that name."""
@@ -54,10 +57,15 @@ class Claims:
         if not is_our_file(path):
             return False
         theirs = _baked_by(path)
-        if theirs is None or place_of(path) in self._own:
+        if place_of(path) in self._own:
             return True
-        self.others[path.name] = theirs.name
-        return False
+        if theirs is not None:
+            self.others[path.name] = theirs.name
+            return False
+        for name in text_attribute(path, OBJECTS).split(BETWEEN):
+            if name in bpy.data.objects and name not in self._baked:
+                self.lost[path.name] = name
+        return True
 
 
 def _places(images: Iterable[Any]) -> Iterable[str]:

@@ -15,7 +15,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from ..solver.errors import OutputError
-from ..solver.quantities import PREFIX, header
+from ..solver.quantities import header
 from ..solver.result import Bake, Lightmap
 from . import baked_images, group_files
 from .claims import Claims
@@ -109,7 +109,7 @@ def _moved(file: Path, path: Path) -> Path:
 def _header(bake: Bake, lightmap: Lightmap, request: Request, blend: str) -> dict[str, str | float]:
     """What a file says of its numbers, which objects it holds, and where it comes from."""
     return {**header(request.settings, bake.report), **_origin(request, blend),
-            f"{PREFIX}objects": ", ".join(lightmap.surfaces)[:MOST_NAMES]}
+            baked_images.OBJECTS: baked_images.BETWEEN.join(lightmap.surfaces)[:MOST_NAMES]}
 
 
 def _origin(request: Request, blend: str) -> dict[str, str | float]:

@@ -118,12 +118,15 @@ def _baked(bindings: Sequence[Binding]) -> set[str]:
 
 def _tell_kept(claims: Claims, bake: Bake, names: Sequence[str], paths: Sequence[Path], request: Request,
                warnings: Warnings) -> None:
-    """Tell of images that stay although all was baked, and of files that another .blend baked."""
+    """Tell of images that stay although all was baked, of files that are replaced, and of another .blend's."""
     for page, name in zip(bake.lightmaps, names, strict=True):
         holder = claims.holders.get(block_name(page.name))
         if holder is not None and not request.settings.only:
             warn(warnings, holder, "image_kept", f"is not baked now and still shows the image {page.name!r}: this "
                  f"light is in {name!r}; bake that object too, or Clear before, to have it in {page.name!r}")
+    for file, name in claims.lost.items():
+        warn(warnings, "", "file_replaced", f"the lightmap {file!r} held the light of {name!r} too, which is not baked "
+             "now, and was replaced: give another output folder, or go on from the .blend that was saved with the bake")
     if claims.others:
         file, blend = next(iter(claims.others.items()))
         written = ", ".join(repr(path.name) for path in paths)

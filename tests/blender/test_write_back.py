@@ -204,6 +204,20 @@ def test_a_later_bake_leaves_images_that_others_show(sunny, tmp_path):
     assert {bpy.data.objects[name][baked_images.MARK].name for name in "AB"} == {"Lightmap_1"}
 
 
+def test_a_file_that_held_others_too_is_replaced_and_told(sunny, tmp_path):
+    # Two squares baked to a file, the .blend opened again as it was, and one of them baked. Exact answer: one warning
+    # that names the file and the other; none when it is baked once more.
+    sunny.mesh("A")
+    sunny.mesh("B").location.x = 3
+    bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / "scene.blend"))
+    told = []
+    for only in ("", "A", "A"):
+        told.append(bake(only=only, output=tmp_path))
+        bpy.ops.wm.open_mainfile(filepath=str(tmp_path / "scene.blend"))
+    assert [len(messages) for messages in told] == [0, 1, 0]
+    assert "'Lightmap_1.exr' held the light of 'B' too" in told[1][0]
+
+
 def test_an_image_that_a_hidden_object_shows_stays_and_is_told(sunny):
     # Two squares on one page under a sun of 1 W/m2; one is hidden, the sun has 3. Exact answer: each has its own light,
     # and one warning says of the hidden one why the other's image has another name than before.
