@@ -19,8 +19,9 @@ Float = NDArray[np.floating[Any]]
 
 # Custom property of all that we make in a .blend, and attribute of all files that we write.
 MARK = "radiosity_lightmaps"
-# Attributes of the files of a bake: its .blend, relative to the file's folder, and the objects, with commas between.
-BLEND, OBJECTS = f"{PREFIX}blend", f"{PREFIX}objects"
+# Attributes of the files of a bake: its .blend and the one saved with it, relative to the file's folder, and the
+# objects, with commas between.
+BLEND, SAVED, OBJECTS = f"{PREFIX}blend", f"{PREFIX}saved", f"{PREFIX}objects"
 BETWEEN = ", "
 
 

@@ -9,7 +9,7 @@ from typing import Any
 
 import bpy
 
-from .baked_images import BETWEEN, BLEND, MARK, OBJECTS, is_our_file, place_of
+from .baked_images import BETWEEN, BLEND, MARK, OBJECTS, SAVED, is_our_file, place_of
 from .exr_writer import text_attribute
 from .names import block_name
 
@@ -20,6 +20,7 @@ class Claims:
     Parameters
     ----------
     baked : names of the objects whose images the bake replaces.
+    save : the .blend that is saved with the bake; None for none.
 
     Attributes
     ----------
@@ -29,7 +30,7 @@ class Claims:
     lost : an object that is not baked and had its light in a file that is replaced, by the file's name.
     """
 
-    def __init__(self, baked: Collection[str]) -> None:
+    def __init__(self, baked: Collection[str], save: Path | None) -> None:
         held = [(item.name, item[MARK]) for item in bpy.data.objects
                 if MARK in item and item[MARK] is not None and item.name not in baked and item.users_scene]
         self.holders = {image.name: item for item, image in held if image.library is None}
@@ -37,7 +38,7 @@ class Claims:
         self._own = set(_places(image for image in bpy.data.images if image.library is None and MARK in image))
         self.others: dict[str, str] = {}
         self.lost: dict[str, str] = {}
-        self._baked = baked
+        self._baked, self._save = baked, save
 
     def free_names(self, wanted: Iterable[str]) -> list[str]:
         """Names for images: those that are wanted, with _2 and so on where other objects show an image of that name."""
@@ -57,7 +58,8 @@ class Claims:
         if not is_our_file(path):
             return False
         theirs = _baked_by(path)
-        if place_of(path) in self._own:
+        # What the .blend showed that this bake's takes the place of, nobody shows any more.
+        if place_of(path) in self._own or _is_same(_told(path, SAVED), self._save):
             return True
         if theirs is not None:
             self.others[path.name] = theirs.name
@@ -74,8 +76,16 @@ def _places(images: Iterable[Any]) -> Iterable[str]:
 
 def _baked_by(path: Path) -> Path | None:
     """The .blend that a file was baked from, if that is there and not the open one."""
-    told = text_attribute(path, BLEND)
+    theirs = _told(path, BLEND)
+    return None if _is_same(theirs, bpy.data.filepath) else theirs
+
+
+def _told(path: Path, name: str) -> Path | None:
+    """The .blend that a file names in an attribute, if that is there."""
+    told = text_attribute(path, name)
     theirs = Path(os.path.normpath(path.parent / told))
-    if not told or not theirs.is_file() or (bpy.data.filepath and theirs.samefile(bpy.data.filepath)):
-        return None
-    return theirs
+    return theirs if told and theirs.is_file() else None
+
+
+def _is_same(theirs: Path | None, other: Path | str | None) -> bool:
+    return theirs is not None and bool(other) and os.path.exists(str(other)) and theirs.samefile(str(other))

@@ -113,8 +113,9 @@ def _header(bake: Bake, lightmap: Lightmap, request: Request, blend: str) -> dic
 
 
 def _origin(request: Request, blend: str) -> dict[str, str | float]:
-    """The program, and the .blend of a file in the output folder."""
-    program: dict[str, str | float] = {"software": "Radiosity Lightmaps"}
-    if not blend or request.output is None:
-        return program
-    return {**program, baked_images.BLEND: relative_path(Path(blend), request.output)}
+    """The program, and of a file in the output folder its .blend and the one that is saved with the bake."""
+    told: dict[str, str | float] = {"software": "Radiosity Lightmaps"}
+    if request.output is not None:
+        blends = {baked_images.BLEND: blend, baked_images.SAVED: request.save}
+        told.update({name: relative_path(Path(path), request.output) for name, path in blends.items() if path})
+    return told

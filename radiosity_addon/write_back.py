@@ -70,7 +70,7 @@ def _write(exported: Exported, bake: Bake, staged: Staged, request: Request, sce
             _remember(binding, request, stored.get(binding.surface))
         return [_entry(binding, request, attribute=stored.get(binding.surface))
                 for binding in exported.bindings if binding.receives]
-    claims = Claims(_baked(exported.bindings))
+    claims = Claims(_baked(exported.bindings), request.save)
     names = claims.free_names(page.name for page in bake.lightmaps)
     paths, layers = staged.place(names, request.output, claims) if request.output is not None else ([], [])
     _tell_kept(claims, bake, names, paths, request, warnings)

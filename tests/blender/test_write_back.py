@@ -290,6 +290,19 @@ def test_a_file_of_another_blend_stays_and_is_told(sunny, tmp_path):
     assert bpy.data.objects["A"][baked_images.MARK].filepath.endswith("Lightmap_1.exr")
 
 
+def test_what_is_saved_in_the_place_of_another_bake_has_its_files_too(sunny, tmp_path):
+    # Two .blend files, baked into one folder and saved as the same third one. Exact answer: one file, of the last.
+    sunny.mesh("A")
+    out, saved = tmp_path / "lightmaps", tmp_path / "baked.blend"
+    for name, strength in (("one", 1), ("two", 3)):
+        bpy.data.lights["Sun"].energy = strength
+        bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / f"{name}.blend"))
+        assert bake(output=out, options=f"--save '{saved}'") == []
+        bpy.ops.radiosity.clear()
+    assert [path.name for path in out.glob("*.exr")] == ["Lightmap_1.exr"]
+    assert image_file.read_exr(out / "Lightmap_1.exr").max() * math.pi == pytest.approx(3, rel=0.02)
+
+
 @pytest.mark.parametrize("options", ["--target vertex", "--atlas object"])
 def test_objects_of_long_names_have_results_of_their_own(sunny, tmp_path, options):
     # Two objects of one mesh, in the sun and in the shade, and their scene, all with names as long as Blender takes.
