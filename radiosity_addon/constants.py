@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 Float = NDArray[np.floating[Any]]
 Triple = tuple[float, float, float]
-Resolve = Callable[[Any], Any]
+Known = Callable[[Any], Triple | None]
 
 # What a Light Path node says of a diffuse ray after its first bounce; all other outputs are 0.
 DIFFUSE_RAY = {"Is Diffuse Ray": 1.0, "Is Reflection Ray": 1.0, "Ray Length": 1.0, "Ray Depth": 1.0,
@@ -27,29 +27,23 @@ DIRECTIONS = 4096
 MOST_BLEND = 1 - 1e-5
 
 
-def of(source: Any, resolve: Resolve) -> Triple | None:
+def of(source: Any, known: Known) -> Triple | None:
     """The value of an output socket that is known without evaluating nodes, else None.
 
     Parameters
     ----------
-    source : output socket, or the unlinked input of a group node.
-    resolve : from an input socket to the output that feeds it, or None.
+    source : output socket, or an unlinked input with a value of its own.
+    known : the same of an input of its node, linked or not.
     """
     kind = source.node.bl_idname
     if not source.is_output or kind in {"ShaderNodeRGB", "ShaderNodeValue"}:
-        return _triple(source.default_value)
+        return triple(source.default_value)
     if kind == "ShaderNodeLightPath":
-        return _triple(DIFFUSE_RAY.get(source.name, 0.0))
+        return triple(DIFFUSE_RAY.get(source.name, 0.0))
     if kind in VIEW_DEPENDENT:
-        return _view_dependent(source, resolve)
+        value = known(source.node.inputs[0])
+        return None if value is None else triple(mean_weight(kind, source.name, float(value[0])))
     return None
-
-
-def _view_dependent(source: Any, resolve: Resolve) -> Triple | None:
-    socket = source.node.inputs[0]
-    feeding = resolve(socket)
-    value = (socket.default_value,) * 3 if feeding is None else of(feeding, resolve)
-    return None if value is None else _triple(mean_weight(source.node.bl_idname, source.name, float(value[0])))
 
 
 def mean_weight(kind: str, output: str, value: float) -> float:
@@ -81,7 +75,8 @@ def _cosines() -> Float:
     return np.asarray(np.sqrt((np.arange(DIRECTIONS) + 0.5) / DIRECTIONS))
 
 
-def _triple(value: Any) -> Triple:
+def triple(value: Any) -> Triple:
+    """A colour, a vector or a number as three numbers."""
     if hasattr(value, "__len__"):
         return float(value[0]), float(value[1]), float(value[2])
     return float(value), float(value), float(value)

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from ..solver.luminaire import NATURAL, Fade, Falloff
 from . import compat, lamp_render, node_hash
 from .parts import Parts, whole
-from .sockets import Colour, Reader
+from .sockets import Colour, Reader, is_live
 from .warn import Warnings, warn
 
 Float = NDArray[np.floating[Any]]
@@ -76,15 +76,15 @@ def _read(data: Any, warnings: Warnings) -> LampEmission:
         return LampEmission(np.ones(3))
     output = data.node_tree.get_output_node("CYCLES")
     reader = _LampReader(data.name, warnings)
-    source = reader.source(output.inputs["Surface"]) if output is not None else None
-    if source is None:
+    if output is None or reader.source(output.inputs["Surface"]) is None:
         return LampEmission(np.zeros(3))
     falloff = _falloff(data, reader)
-    if source.node.bl_idname == "ShaderNodeEmission":
-        colour = reader.colour(source.node.inputs["Color"])
-        strength = reader.number(source.node.inputs["Strength"])
-        if not reader.guessed and colour.image is None:
-            return LampEmission(np.array(colour.factor) * strength, None, falloff)
+    with reader.at(output.inputs["Surface"]) as source:
+        if source.node.bl_idname == "ShaderNodeEmission":
+            colour = reader.colour(source.node.inputs["Color"])
+            strength = reader.number(source.node.inputs["Strength"])
+            if not reader.guessed and colour.image is None:
+                return LampEmission(np.array(colour.factor) * strength, None, falloff)
     emission, messages = _evaluated(data, falloff)
     for message in messages:
         reader.warn(message)
@@ -145,7 +145,7 @@ def _face(data: Any, falloff: Falloff) -> tuple[LampEmission, tuple[str, ...]]:
 def _falloff(data: Any, reader: _LampReader) -> Falloff:
     """The lamp's Light Falloff node; it multiplies the light, wherever in the tree it stands."""
     used = [(node, output) for node in data.node_tree.nodes if node.bl_idname == "ShaderNodeLightFalloff"
-            for output in node.outputs if output.is_linked]
+            for output in node.outputs if not node.mute and any(map(is_live, output.links))]
     if not used:
         return NATURAL
     node, output = used[0]
@@ -177,7 +177,7 @@ class _LampReader(Reader):
         return colour
 
     def number(self, socket: Any) -> float:
-        source = self.source(socket)
-        if source is None or source.node.bl_idname != "ShaderNodeLightFalloff":
-            return super().number(socket)
-        return super().number(source.node.inputs["Strength"])
+        with self.at(socket) as source:
+            if source is not None and source.node.bl_idname == "ShaderNodeLightFalloff":
+                return super().number(source.node.inputs["Strength"])
+        return super().number(socket)

@@ -113,11 +113,10 @@ def read_material(material: Any, warnings: Warnings) -> Shading:
         return Shading(Colour(tuple(material.diffuse_color[:3])))
     output = material.node_tree.get_output_node("CYCLES")
     reader = MaterialReader(material.name, warnings)
-    source = reader.source(output.inputs["Surface"]) if output is not None else None
-    shading = _read_shader(source, reader) if source is not None else Shading()
-    if output is not None and output.inputs["Displacement"].is_linked:
+    shading = _input_shading(output.inputs["Surface"], reader) if output is not None else Shading()
+    if output is not None and reader.source(output.inputs["Displacement"]) is not None:
         warn(warnings, material.name, "material", "its displacement is not baked: apply it to the mesh")
-    if output is not None and output.inputs["Volume"].is_linked:
+    if output is not None and reader.source(output.inputs["Volume"]) is not None:
         warn(warnings, material.name, "material", "its volume is not baked: light goes through it as through air")
     if _two_layouts(shading):
         reader.guess("lays its base colour and its emission out differently: both are laid out as the base colour")
@@ -210,7 +209,7 @@ def _metal(node: Any, reader: MaterialReader) -> Shading:
         return _as_matt(node, reader, "Base Color")
     reader.warn(f"its shader {node.bl_label!r} reflects as a matt surface of its colour")
     index, absorbed = (np.array(node.inputs[name].default_value[:3]) for name in ("IOR", "Extinction"))
-    if node.inputs["IOR"].is_linked or node.inputs["Extinction"].is_linked:
+    if any(reader.source(node.inputs[name]) is not None for name in ("IOR", "Extinction")):
         reader.warn("the optical constants of its Metallic BSDF are linked: the node's own values are used")
     colour = Colour(tuple(((index - 1) ** 2 + absorbed**2) / ((index + 1) ** 2 + absorbed**2)))
     return Shading(colour, lost=min(luminance(colour), 1.0), reasons=("metal reflects as a matt surface",))
@@ -247,8 +246,8 @@ def _add(node: Any, reader: MaterialReader) -> Shading:
 
 
 def _input_shading(socket: Any, reader: MaterialReader) -> Shading:
-    source = reader.source(socket)
-    return _read_shader(source, reader) if source is not None else Shading()
+    with reader.at(socket) as source:
+        return _read_shader(source, reader) if source is not None else Shading()
 
 
 def _scaled(shading: Shading, factor: float) -> Shading:

@@ -10,8 +10,9 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Any
 
-from . import constants
+from .constants import VIEW_DEPENDENT, Triple, mean_fresnel, of, triple
 from .materials import specular_ior
+from .sockets import is_live
 
 # A number, a colour, or the output socket of a node.
 Value = Any
@@ -129,7 +130,7 @@ def _principled_lost(tree: _Tree, node: Any) -> tuple[Value, Value]:
     alpha, transmission = _solid(tree, node)
     metallic = tree.unit(tree.value(node, "Metallic"))
     ior = specular_ior(*(float(node.inputs[name].default_value) for name in ("IOR", "Specular IOR Level")))
-    gloss = tree.times(tree.rest(metallic), constants.mean_fresnel(ior))
+    gloss = tree.times(tree.rest(metallic), mean_fresnel(ior))
     metal = tree.times(metallic, tree.grey(tree.value(node, "Base Color")))
     return (1.0, 1.0, 1.0), tree.unit(tree.times(alpha, tree.plus(tree.plus(metal, gloss), transmission)))
 
@@ -181,6 +182,7 @@ def show_part(material: Any, part: str, random: float) -> list[Any]:
 
 
 def _rewrite(tree: Any, part: str, random: float, groups: dict[Any, Any]) -> None:
+    _drop_muted(tree)
     for node in list(tree.nodes):
         if node.bl_idname == "ShaderNodeGroup" and node.node_tree is not None:
             original = node.node_tree
@@ -192,16 +194,30 @@ def _rewrite(tree: Any, part: str, random: float, groups: dict[Any, Any]) -> Non
             view = VIEWS[node.bl_idname].get(part)
             shown = _Tree(tree)
             _replace(tree, node.outputs[0], shown.emission(*(view(shown, node) if view is not None else BLACK)))
-        elif node.bl_idname == "ShaderNodeLightPath" or node.bl_idname in constants.VIEW_DEPENDENT:
+        elif node.bl_idname == "ShaderNodeLightPath" or node.bl_idname in VIEW_DEPENDENT:
             _replace_constants(tree, node)
         elif node.bl_idname == "ShaderNodeObjectInfo":
             _replace(tree, node.outputs["Random"], _number(tree, random))
 
 
+def _drop_muted(tree: Any) -> None:
+    """Take away the links that pass nothing on: what they lead to has its own value."""
+    for link in list(tree.links):
+        node = link.from_node
+        through = not node.mute or any(inside.to_socket == link.from_socket for inside in node.internal_links)
+        if not (is_live(link) and through):
+            tree.links.remove(link)
+
+
+def _known(socket: Any) -> Triple | None:
+    """The value of an input that no node has to be evaluated for, else None."""
+    return of(socket.links[0].from_socket, _known) if socket.is_linked else triple(socket.default_value)
+
+
 def _replace_constants(tree: Any, node: Any) -> None:
     """Put the values that diffuse light sees in place of a node that depends on the ray."""
     for output in node.outputs:
-        known = constants.of(output, lambda socket: socket.links[0].from_socket if socket.is_linked else None)
+        known = of(output, _known)
         if known is not None and output.is_linked:
             _replace(tree, output, _number(tree, known[0]))
 

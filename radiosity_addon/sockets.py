@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -9,9 +11,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from . import constants
+from .constants import Triple
 from .warn import Warnings, warn
-
-Triple = tuple[float, float, float]
 
 # Longest chain of reroutes and groups that is followed; node trees can't be cyclic, so this is never met in good files.
 LONGEST_CHAIN = 64
@@ -64,6 +65,8 @@ BLACK = Colour()
 def luminance(colour: Colour) -> float:
     """Rec. 709 luminance of the colour's factor."""
     r, g, b = colour.factor
+    if r == g == b:
+        return r  # the weights' sum is rounded
     return 0.2126 * r + 0.7152 * g + 0.0722 * b
 
 
@@ -73,7 +76,8 @@ class Reader:
     def __init__(self, material: str, warnings: Warnings) -> None:
         self.material = material
         self.warnings = warnings
-        self._groups: list[Any] = []
+        # The group nodes, outermost first, that lead to where is read.
+        self._groups: tuple[Any, ...] = ()
 
     def warn(self, message: str) -> None:
         """A warning about the material."""
@@ -84,59 +88,76 @@ class Reader:
         self.warn(message)
 
     def source(self, socket: Any) -> Any:
-        """The output socket that feeds an input, through reroutes and muted nodes; None if nothing does."""
-        for _ in range(LONGEST_CHAIN):
-            if not socket.is_linked:
-                return None
-            output = socket.links[0].from_socket
-            node = output.node
-            if node.bl_idname == "NodeReroute":
-                socket = node.inputs[0]
-            elif node.mute and node.internal_links:
-                socket = node.internal_links[0].from_socket
-            elif node.bl_idname == "ShaderNodeGroup" and node.node_tree is not None:
-                self._groups.append(node)
-                outputs = (inner for inner in node.node_tree.nodes if inner.bl_idname == "NodeGroupOutput")
-                inside = next((inner for inner in outputs if inner.is_active_output), None)
-                if inside is None:
-                    return None
-                socket = _same(inside.inputs, output)
-            elif node.bl_idname == "NodeGroupInput" and (group := self._group_of(node)) is not None:
-                socket = _same(group.inputs, output)
-                if not socket.is_linked:
-                    return socket
-            else:
-                return output
-        return None
+        """What feeds an input, through reroutes, groups and muted nodes; None if nothing does.
 
-    def _group_of(self, node: Any) -> Any:
-        """The group node, entered last, whose tree a node lies in."""
-        return next((group for group in reversed(self._groups) if group.node_tree == node.id_data), None)
+        An output socket; or an unlinked input of a group node, or of a group's output, which has a value of its own.
+        """
+        return self._traced(socket)[0]
+
+    @contextmanager
+    def at(self, socket: Any) -> Iterator[Any]:
+        """`source`, whose node's sockets are to be read meanwhile: one group may be met in several places."""
+        before = self._groups
+        source, self._groups = self._traced(socket)
+        try:
+            yield source
+        finally:
+            self._groups = before
+
+    def _traced(self, socket: Any) -> tuple[Any, tuple[Any, ...]]:
+        """The source, and the group nodes that lead to it."""
+        groups, own = self._groups, None
+        for _ in range(LONGEST_CHAIN):
+            link = next(filter(is_live, socket.links), None)
+            if link is None:
+                return own, groups
+            output, node = link.from_socket, link.from_node
+            if node.mute:
+                inside = next((link for link in node.internal_links if link.to_socket == output), None)
+                if inside is None:
+                    return own, groups
+                socket = inside.from_socket
+            elif node.bl_idname == "NodeReroute":
+                socket = node.inputs[0]
+            elif node.bl_idname == "ShaderNodeGroup" and node.node_tree is not None:
+                outputs = (inner for inner in node.node_tree.nodes if inner.bl_idname == "NodeGroupOutput")
+                end = next((inner for inner in outputs if inner.is_active_output), None)
+                if end is None:
+                    return own, groups
+                groups = (*groups, node)
+                socket = _same(end.inputs, output)
+                own = _valued(socket)
+            elif node.bl_idname == "NodeGroupInput" and groups:
+                socket, groups = _same(groups[-1].inputs, output), groups[:-1]
+                own = _valued(socket)
+            else:
+                return output, groups
+        return None, groups
+
+    def constant(self, socket: Any) -> Triple | None:
+        """The value of an input that is known without evaluating nodes, else None."""
+        with self.at(socket) as source:
+            return constants.triple(socket.default_value) if source is None else constants.of(source, self.constant)
 
     def number(self, socket: Any) -> float:
         """The value of a number socket; one fed by other nodes than a plain value counts by its own setting."""
-        source = self.source(socket)
-        if source is None:
-            return float(socket.default_value)
-        if (known := constants.of(source, self.source)) is not None:
+        if (known := self.constant(socket)) is not None:
             return luminance(Colour(known))
-        self.guess(f"{socket.name!r} is driven by {source.node.bl_label!r}, which is not evaluated: "
+        self.guess(f"{socket.name!r} is driven by {self.source(socket).node.bl_label!r}, which is not evaluated: "
                    f"{float(socket.default_value):g} is used")
         return float(socket.default_value)
 
     def colour(self, socket: Any) -> Colour:
         """The value of a colour socket: flat, or an image."""
-        source = self.source(socket)
-        if source is None:
-            return Colour(_triple(socket.default_value))
-        if (known := constants.of(source, self.source)) is not None:
+        if (known := self.constant(socket)) is not None:
             return Colour(known)
-        node = source.node
-        if node.bl_idname == "ShaderNodeTexImage" and source.name == "Color" and node.image is not None:
-            return self._image(node)
-        if node.bl_idname in {"ShaderNodeMix", "ShaderNodeMixRGB"} and (mixed := self._mix(node)) is not None:
-            return mixed
-        flat = _triple(socket.default_value)
+        with self.at(socket) as source:
+            node = source.node
+            if node.bl_idname == "ShaderNodeTexImage" and source.name == "Color" and node.image is not None:
+                return self._image(node)
+            if node.bl_idname in {"ShaderNodeMix", "ShaderNodeMixRGB"} and (mixed := self._mix(node)) is not None:
+                return mixed
+        flat = constants.triple(socket.default_value)
         self.guess(f"{socket.name!r} is driven by {node.bl_label!r}, which is not evaluated: the socket's own colour "
                    f"({', '.join(f'{value:g}' for value in flat)}) is used")
         return Colour(flat)
@@ -158,10 +179,15 @@ class Reader:
         """
         if node.bl_idname == "ShaderNodeMix" and node.data_type != "RGBA":
             return None
+        new = node.bl_idname == "ShaderNodeMix"
+        if node.clamp_result if new else node.use_clamp:
+            return None
         inputs = [socket for socket in node.inputs if socket.enabled]
         if len(inputs) != 3 or node.blend_type not in {"MIX", "MULTIPLY", "ADD"} or self.source(inputs[0]) is not None:
             return None
-        f = min(max(self.number(inputs[0]), 0.0), 1.0)
+        f = self.number(inputs[0])
+        if not new or node.clamp_factor:
+            f = min(max(f, 0.0), 1.0)
         a, b = self.colour(inputs[1]), self.colour(inputs[2])
         if node.blend_type != "MULTIPLY":
             return self.sum(a.scaled(1 - f) if node.blend_type == "MIX" else a, b.scaled(f))
@@ -191,25 +217,23 @@ class Reader:
 
     def _coordinates(self, socket: Any) -> tuple[str, NDArray[np.float64]]:
         """The UV map's name and the (2, 3) matrix of a vector socket."""
-        matrix = np.array([[1.0, 0, 0], [0, 1, 0]])
-        for _ in range(LONGEST_CHAIN):
-            source = self.source(socket)
+        plain = np.array([[1.0, 0, 0], [0, 1, 0]])
+        with self.at(socket) as source:
             if source is None or not source.is_output:
-                return "", matrix
+                return "", plain
             node = source.node
             if node.bl_idname == "ShaderNodeUVMap":
-                return node.uv_map, matrix
+                return node.uv_map, plain
             if node.bl_idname == "ShaderNodeAttribute":
-                return node.attribute_name, matrix
+                return node.attribute_name, plain
             if node.bl_idname == "ShaderNodeTexCoord" and source.name == "UV":
-                return "", matrix
-            if node.bl_idname != "ShaderNodeMapping":
-                break
-            step = self._mapping(node)
-            matrix = np.column_stack([matrix[:, :2] @ step[:, :2], matrix[:, :2] @ step[:, 2] + matrix[:, 2]])
-            socket = node.inputs["Vector"]
-        self.guess(f"an image is laid out by {source.node.bl_label!r} {source.name!r}: the active UV map is used")
-        return "", matrix
+                return "", plain
+            if node.bl_idname == "ShaderNodeMapping":
+                uv_map, matrix = self._coordinates(node.inputs["Vector"])
+                step = self._mapping(node)
+                return uv_map, np.column_stack([step[:, :2] @ matrix[:, :2], step[:, :2] @ matrix[:, 2] + step[:, 2]])
+        self.guess(f"an image is laid out by {node.bl_label!r} {source.name!r}: the active UV map is used")
+        return "", plain
 
     def _mapping(self, node: Any) -> NDArray[np.float64]:
         """(2, 3) matrix of a Mapping node: p -> R S p + T as a point, R^-1 S^-1 (p - T) as a texture."""
@@ -217,7 +241,7 @@ class Reader:
         for name in values:
             if name in node.inputs and node.inputs[name].enabled:
                 values[name] = np.array(node.inputs[name].default_value, float)
-                if node.inputs[name].is_linked:
+                if self.source(node.inputs[name]) is not None:
                     self.guess(f"the {name.lower()} of its Mapping node is linked: the node's own value is used")
         if abs(values["Rotation"][:2]).max() > 0:
             self.guess("its Mapping node turns about X or Y: the turn about Z alone is used")
@@ -232,12 +256,16 @@ class Reader:
         return np.column_stack([linear, offset])
 
 
+def is_live(link: Any) -> bool:
+    """Whether a link passes anything on."""
+    return link.is_valid and not link.is_muted
+
+
 def _same(sockets: Any, socket: Any) -> Any:
     """The socket of a group's other side that belongs to this one."""
     return next(other for other in sockets if other.identifier == socket.identifier)
 
 
-def _triple(value: Any) -> Triple:
-    if hasattr(value, "__len__"):
-        return float(value[0]), float(value[1]), float(value[2])
-    return float(value), float(value), float(value)
+def _valued(socket: Any) -> Any:
+    """The socket, if it has a value of its own; a shader's has none."""
+    return socket if hasattr(socket, "default_value") else None

@@ -15,7 +15,7 @@ from ..solver.sky_picture import Window
 from . import compat, world_render
 from .cycles_elsewhere import Elsewhere
 from .parts import ENDLESS, Parts, aside, whole
-from .sockets import Reader
+from .sockets import Colour, Reader, luminance
 from .warn import Warnings, warn
 from .world_render import Map
 
@@ -136,15 +136,14 @@ def _constant(world: Any, warnings: Warnings) -> Any:
     if output is None:
         return np.zeros(3, np.float32)
     reader = Reader(world.name, warnings)
-    source = reader.source(output.inputs["Surface"])
-    if source is None:
+    with reader.at(output.inputs["Surface"]) as source:
+        if source is None:
+            return np.zeros(3, np.float32)
+        if source.node.bl_idname != "ShaderNodeBackground":
+            return None
+        colour, strength = (reader.constant(source.node.inputs[name]) for name in ("Color", "Strength"))
+    if strength is not None and not any(strength):
         return np.zeros(3, np.float32)
-    node = source.node
-    if node.bl_idname != "ShaderNodeBackground":
+    if colour is None or strength is None:
         return None
-    strength = node.inputs["Strength"]
-    if not strength.is_linked and strength.default_value == 0:
-        return np.zeros(3, np.float32)
-    if node.inputs["Color"].is_linked or strength.is_linked:
-        return None
-    return np.array(node.inputs["Color"].default_value[:3], np.float32) * np.float32(strength.default_value)
+    return np.array(colour, np.float32) * np.float32(luminance(Colour(strength)))
