@@ -113,14 +113,21 @@ def read_material(material: Any, warnings: Warnings) -> Shading:
         return Shading(Colour(tuple(material.diffuse_color[:3])))
     output = material.node_tree.get_output_node("CYCLES")
     reader = MaterialReader(material.name, warnings)
-    shading = _input_shading(output.inputs["Surface"], reader) if output is not None else Shading()
-    if output is not None and reader.source(output.inputs["Displacement"]) is not None:
-        warn(warnings, material.name, "material", "its displacement is not baked: apply it to the mesh")
-    if output is not None and reader.source(output.inputs["Volume"]) is not None:
-        warn(warnings, material.name, "material", "its volume is not baked: light goes through it as through air")
+    shading = _read_output(output, reader) if output is not None else Shading()
     if _two_layouts(shading):
         reader.guess("lays its base colour and its emission out differently: both are laid out as the base colour")
     return replace(shading, guesses=tuple(reader.guesses))
+
+
+def _read_output(output: Any, reader: MaterialReader) -> Shading:
+    """The shading of what is linked to a material's output; a mere volume has no surface that stops light."""
+    if reader.source(output.inputs["Displacement"]) is not None:
+        reader.warn("its displacement is not baked: apply it to the mesh")
+    shading = _input_shading(output.inputs["Surface"], reader)
+    if reader.source(output.inputs["Volume"]) is None:
+        return shading
+    reader.warn("its volume is not baked: light goes through it as through air")
+    return Shading(passing=1.0) if reader.source(output.inputs["Surface"]) is None else shading
 
 
 def _two_layouts(shading: Shading) -> bool:

@@ -178,6 +178,22 @@ def test_glass_is_left_out_and_said_so(build):
     assert {entry["object"] for entry in warnings} == {"Glass", "Pane"}
 
 
+def test_a_mere_volume_lets_all_light_through(build):
+    # A fog in a cube about a square, nothing linked to Surface. Exact answer: the square alone is left.
+    build.sun()
+    fog = build.material("Fog", (1, 1, 1))
+    tree = fog.node_tree
+    tree.nodes.remove(build.shader(fog))
+    volume = tree.nodes.new("ShaderNodeVolumePrincipled")
+    tree.links.new(volume.outputs[0], tree.get_output_node("CYCLES").inputs["Volume"])
+    build.mesh("Square")
+    build.cube("Domain", 6.0, material=fog)
+    warnings: list[dict[str, Any]] = []
+    scene = export(warnings)
+    assert [surface.count for surface in scene.surfaces] == [2, 0]
+    assert any("as through air" in entry["message"] for entry in warnings if entry["object"] == "Fog")
+
+
 def test_a_lamp_of_glass_keeps_its_light(build):
     # Clear and shining. Exact answer: it stays in the scene and shines.
     build.mesh("Bulb", material=build.material("Bulb", (1, 1, 1), Transmission_Weight=1.0, Emission_Strength=2.0,
