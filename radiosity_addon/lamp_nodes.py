@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from ..solver.luminaire import NATURAL, Fade, Falloff
 from . import compat, lamp_render, node_hash
 from .parts import Parts, whole
-from .sockets import Colour, Reader, is_live
+from .sockets import Colour, Reader, feeding
 from .warn import Warnings, warn
 
 Float = NDArray[np.floating[Any]]
@@ -145,7 +145,7 @@ def _face(data: Any, falloff: Falloff) -> tuple[LampEmission, tuple[str, ...]]:
 def _falloff(data: Any, reader: _LampReader) -> Falloff:
     """The lamp's Light Falloff node; it multiplies the light, wherever in the tree it stands."""
     used = [(node, output) for node in data.node_tree.nodes if node.bl_idname == "ShaderNodeLightFalloff"
-            for output in node.outputs if not node.mute and any(map(is_live, output.links))]
+            for output in node.outputs if any(feeding(link.to_socket) == output for link in output.links)]
     if not used:
         return NATURAL
     node, output = used[0]

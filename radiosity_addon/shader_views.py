@@ -8,11 +8,12 @@ is what `materials` computes from flat colours, by nodes.
 from __future__ import annotations
 
 from collections.abc import Callable
+from functools import partial
 from typing import Any
 
 from .constants import VIEW_DEPENDENT, Triple, mean_fresnel, of, triple
 from .materials import specular_ior
-from .sockets import is_live
+from .sockets import feeding
 
 # A number, a colour, or the output socket of a node.
 Value = Any
@@ -172,41 +173,61 @@ def show_part(material: Any, part: str, random: float) -> list[Any]:
     part : one of `materials.PARTS`.
     random : what its Object Info nodes say is random about the object.
     """
-    groups: dict[Any, Any] = {}
     output = material.node_tree.get_output_node("CYCLES")
     for name in ("Displacement", "Volume"):
         for link in list(output.inputs[name].links):
             material.node_tree.links.remove(link)
-    _rewrite(material.node_tree, part, random, groups)
+    return _rewritten(material.node_tree, partial(_show_node, part=part, random=random))
+
+
+def show_to_diffuse_rays(tree: Any) -> list[Any]:
+    """Rewrite a node tree, a copy, to look to every ray as it does to a diffuse one; the groups copied for it."""
+    return _rewritten(tree, _fix_light_path)
+
+
+def _rewritten(tree: Any, change: Callable[[Any, Any], None]) -> list[Any]:
+    """Change the nodes of a tree and of copies of its groups; these copies."""
+    groups: dict[Any, Any] = {}
+
+    def rewrite(tree: Any) -> None:
+        _drop_muted(tree)
+        for node in list(tree.nodes):
+            if node.bl_idname == "ShaderNodeGroup" and node.node_tree is not None:
+                original = node.node_tree
+                if original not in groups:
+                    groups[original] = original.copy()
+                    rewrite(groups[original])
+                node.node_tree = groups[original]
+            else:
+                change(tree, node)
+
+    rewrite(tree)
     return list(groups.values())
-
-
-def _rewrite(tree: Any, part: str, random: float, groups: dict[Any, Any]) -> None:
-    _drop_muted(tree)
-    for node in list(tree.nodes):
-        if node.bl_idname == "ShaderNodeGroup" and node.node_tree is not None:
-            original = node.node_tree
-            if original not in groups:
-                groups[original] = original.copy()
-                _rewrite(groups[original], part, random, groups)
-            node.node_tree = groups[original]
-        elif node.bl_idname in VIEWS and not node.mute:
-            view = VIEWS[node.bl_idname].get(part)
-            shown = _Tree(tree)
-            _replace(tree, node.outputs[0], shown.emission(*(view(shown, node) if view is not None else BLACK)))
-        elif node.bl_idname == "ShaderNodeLightPath" or node.bl_idname in VIEW_DEPENDENT:
-            _replace_constants(tree, node)
-        elif node.bl_idname == "ShaderNodeObjectInfo":
-            _replace(tree, node.outputs["Random"], _number(tree, random))
 
 
 def _drop_muted(tree: Any) -> None:
     """Take away the links that pass nothing on: what they lead to has its own value."""
     for link in list(tree.links):
-        node = link.from_node
-        through = not node.mute or any(inside.to_socket == link.from_socket for inside in node.internal_links)
-        if not (is_live(link) and through):
+        if feeding(link.to_socket) is None:
             tree.links.remove(link)
+
+
+def _show_node(tree: Any, node: Any, part: str, random: float) -> None:
+    if node.bl_idname in VIEWS and not node.mute:
+        view = VIEWS[node.bl_idname].get(part)
+        shown = _Tree(tree)
+        _replace(tree, node.outputs[0], shown.emission(*(view(shown, node) if view is not None else BLACK)))
+    elif node.bl_idname in VIEW_DEPENDENT:
+        _replace_constants(tree, node)
+    elif node.bl_idname == "ShaderNodeObjectInfo":
+        _replace(tree, node.outputs["Random"], _number(tree, random))
+    else:
+        _fix_light_path(tree, node)
+
+
+def _fix_light_path(tree: Any, node: Any) -> None:
+    if node.bl_idname == "ShaderNodeLightPath":
+        _replace_constants(tree, node)
 
 
 def _known(socket: Any) -> Triple | None:

@@ -108,18 +108,11 @@ class Reader:
         """The source, and the group nodes that lead to it."""
         groups, own = self._groups, None
         for _ in range(LONGEST_CHAIN):
-            link = next(filter(is_live, socket.links), None)
-            if link is None:
+            output = feeding(socket)
+            if output is None:
                 return own, groups
-            output, node = link.from_socket, link.from_node
-            if node.mute:
-                inside = next((link for link in node.internal_links if link.to_socket == output), None)
-                if inside is None:
-                    return own, groups
-                socket = inside.from_socket
-            elif node.bl_idname == "NodeReroute":
-                socket = node.inputs[0]
-            elif node.bl_idname == "ShaderNodeGroup" and node.node_tree is not None:
+            node = output.node
+            if node.bl_idname == "ShaderNodeGroup" and node.node_tree is not None:
                 outputs = (inner for inner in node.node_tree.nodes if inner.bl_idname == "NodeGroupOutput")
                 end = next((inner for inner in outputs if inner.is_active_output), None)
                 if end is None:
@@ -256,9 +249,23 @@ class Reader:
         return np.column_stack([linear, offset])
 
 
-def is_live(link: Any) -> bool:
-    """Whether a link passes anything on."""
-    return link.is_valid and not link.is_muted
+def feeding(socket: Any) -> Any:
+    """The output that feeds an input in its own tree, through reroutes and past what is muted; None if nothing does."""
+    for _ in range(LONGEST_CHAIN):
+        link = next((link for link in socket.links if link.is_valid and not link.is_muted), None)
+        if link is None:
+            return None
+        node = link.from_node
+        if node.mute:
+            inside = next((inside for inside in node.internal_links if inside.to_socket == link.from_socket), None)
+            if inside is None:
+                return None
+            socket = inside.from_socket
+        elif node.bl_idname == "NodeReroute":
+            socket = node.inputs[0]
+        else:
+            return link.from_socket
+    return None
 
 
 def _same(sockets: Any, socket: Any) -> Any:

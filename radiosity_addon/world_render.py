@@ -19,6 +19,7 @@ from numpy.typing import NDArray
 
 from . import cycles
 from .parts import ENDLESS, Parts
+from .shader_views import show_to_diffuse_rays
 
 Float = NDArray[np.floating[Any]]
 
@@ -122,6 +123,7 @@ def _scene(world: Any, size: Map) -> Iterator[Any]:
     camera = bpy.data.cameras.new("radiosity world")
     viewer = bpy.data.objects.new("radiosity world", camera)
     copy = world.copy()
+    groups: list[Any] = []
     try:
         scene.collection.objects.link(viewer)
         camera.type, camera.panorama_type = "PANO", "EQUIRECTANGULAR"
@@ -129,6 +131,7 @@ def _scene(world: Any, size: Map) -> Iterator[Any]:
         viewer.rotation_euler = (np.pi / 2, 0.0, -np.pi / 2)
         scene.camera = viewer
         scene.world = copy
+        groups = show_to_diffuse_rays(copy.node_tree)
         # A world hidden from cameras lights the scene all the same.
         copy.cycles_visibility.camera = True
         # Nothing here is lit by it: Cycles need not build its map for sampling, which takes seconds.
@@ -140,3 +143,5 @@ def _scene(world: Any, size: Map) -> Iterator[Any]:
         bpy.data.objects.remove(viewer)
         bpy.data.cameras.remove(camera)
         bpy.data.worlds.remove(copy)
+        for group in groups:
+            bpy.data.node_groups.remove(group)

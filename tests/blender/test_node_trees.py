@@ -80,9 +80,16 @@ def _group(tree, target):
     tree.links.new(made.outputs[0], target)
 
 
+def _node_that_passes_on(tree, target):
+    # A muted node hands on what comes in, which is nothing here.
+    made = tree.nodes.new("ShaderNodeHueSaturation")
+    made.inputs["Color"].default_value, made.mute = (0.1, 0.1, 0.1, 1), True
+    tree.links.new(made.outputs[0], target)
+
+
 def _among_others(tree, target):
     # A mask made by nodes is evaluated by Cycles, and with it the colour: half of it is black.
-    _link(tree, target)
+    _node_that_passes_on(tree, target)
     output, diffuse = tree.get_output_node("CYCLES"), target.node
     half, mix, black = (tree.nodes.new(f"ShaderNode{kind}") for kind in ("Math", "MixShader", "BsdfDiffuse"))
     half.operation, half.inputs[0].default_value, half.inputs[1].default_value = "POWER", 0.25, 0.5
@@ -93,7 +100,7 @@ def _among_others(tree, target):
     return 0.5
 
 
-WAYS = (_node, _link, _image, _group, _among_others)
+WAYS = (_node, _link, _image, _group, _node_that_passes_on, _among_others)
 
 
 @pytest.mark.parametrize("mute", WAYS, ids=lambda mute: mute.__name__.strip("_"))

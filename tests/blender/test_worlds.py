@@ -184,6 +184,29 @@ def test_the_world_is_the_view_layers(build):
         assert export_scene(stage, layer, Settings(), []).scene.sky.radiance == pytest.approx([3, 3, 3])
 
 
+def test_a_backdrop_for_the_camera_gives_no_light(stage):
+    # White for light, a bright blue for camera rays, mixed inside of a group. Exact answer: 1, and nothing is left.
+    background = set_world((1, 1, 1))
+    tree = background.id_data
+    group = bpy.data.node_groups.new("Backdrop", "ShaderNodeTree")
+    for name, way in (("Light", "INPUT"), ("Surface", "OUTPUT")):
+        group.interface.new_socket(name, in_out=way, socket_type="NodeSocketShader")
+    begin, end, path, mix, blue = (group.nodes.new(kind) for kind in (
+        "NodeGroupInput", "NodeGroupOutput", "ShaderNodeLightPath", "ShaderNodeMixShader", "ShaderNodeBackground"))
+    blue.inputs["Color"].default_value, blue.inputs["Strength"].default_value = (0, 0, 1, 1), 10
+    for source, socket in ((path.outputs["Is Camera Ray"], mix.inputs[0]), (begin.outputs[0], mix.inputs[1]),
+                           (blue.outputs[0], mix.inputs[2]), (mix.outputs[0], end.inputs[0])):
+        group.links.new(source, socket)
+    node = tree.nodes.new("ShaderNodeGroup")
+    node.node_tree = group
+    tree.links.new(background.outputs[0], node.inputs[0])
+    tree.links.new(node.outputs[0], tree.get_output_node("CYCLES").inputs["Surface"])
+    sky, lamps = _read()
+    assert np.allclose(skies.radiance(sky, np.float32([[0, 0, 1], [1, 0, 0]])), 1)
+    assert lamps == ()
+    assert list(bpy.data.node_groups) == [group]
+
+
 def test_a_world_hidden_from_diffuse_rays_gives_no_light(stage):
     set_world((1, 1, 1))
     bpy.context.scene.world.cycles_visibility.diffuse = False
