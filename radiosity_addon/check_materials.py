@@ -2,12 +2,10 @@
 
 from __future__ import annotations
 
-import os
 from collections.abc import Iterable
 from typing import Any
 
-import bpy
-
+from .shown_images import RESTORE, images, missing_at
 from .warn import Warnings, warn
 
 # Part of the light that may be sent on otherwise than diffusely before it is told.
@@ -33,22 +31,9 @@ def check_images(materials: Iterable[Any], warnings: Warnings) -> bool:
     """Tell of images in the materials' nodes that are not there; whether any is missing."""
     missing = False
     for material in materials:
-        for image in _images(material.node_tree) if material.node_tree is not None else ():
-            if image.packed_file is not None or image.source not in {"FILE", "SEQUENCE", "MOVIE", "TILED"}:
-                continue
-            path = os.path.normpath(bpy.path.abspath(image.filepath, library=image.library))
-            there = os.path.exists(path) if image.source == "FILE" else os.path.isdir(os.path.dirname(path))
-            if not (image.filepath and there) and not image.has_data:
+        for image in images(material.node_tree) if material.node_tree is not None else ():
+            if (path := missing_at(image)) is not None:
                 missing = True
-                warn(warnings, material.name, "missing_image", f"image {image.name!r} is missing at {path}: restore "
-                     "the file (File > External Data > Find Missing Files) or choose another image")
+                warn(warnings, material.name, "missing_image",
+                     f"image {image.name!r} is missing at {path}: {RESTORE}")
     return missing
-
-
-def _images(tree: Any, seen: frozenset[str] = frozenset()) -> Iterable[Any]:
-    """The images of a node tree and of the groups in it."""
-    for node in tree.nodes:
-        if node.bl_idname in {"ShaderNodeTexImage", "ShaderNodeTexEnvironment"} and node.image is not None:
-            yield node.image
-        elif node.bl_idname == "ShaderNodeGroup" and node.node_tree is not None and node.node_tree.name not in seen:
-            yield from _images(node.node_tree, seen | {node.node_tree.name})

@@ -19,7 +19,7 @@ from typing import Any
 import bpy
 
 from ..solver.errors import RadiosityError
-from . import child_blender, node_hash
+from . import child_blender, shown_images
 from .parts import Parts
 
 # Files in the folder, by the number of a request.
@@ -133,7 +133,7 @@ def can_go(block: Any) -> bool:
     """Whether a world or material looks the same in another Blender."""
     tree = block.node_tree
     return block.library is None and (tree is None or not (
-        _objects(tree) or any(image.is_dirty for image in node_hash.images(tree))))
+        _objects(tree) or any(image.is_dirty for image in shown_images.images(tree))))
 
 
 def _objects(tree: Any) -> bool:

@@ -25,6 +25,7 @@ from .materials import PARTS, Shading
 from .mesh_part import BAKE_UV, MeshPart, make_mesh
 from .parts import PAUSE, Parts, aside
 from .shader_views import show_part
+from .shown_images import images
 from .triangle_cells import MARGIN, Cells, place_cells
 
 Float = NDArray[np.floating[Any]]
@@ -164,7 +165,7 @@ def _key(one: Request, name: str, budget: int, frame: int) -> str:
 
 def _evaluate(one: Request, budget: int, frame: int, elsewhere: Elsewhere | None) -> Parts[Evaluated]:
     subject = one.subject
-    sides = [image.size[:] for image in node_hash.images(subject.material.node_tree) if image.size[0]]
+    sides = [image.size[:] for image in images(subject.material.node_tree) if image.size[0]]
     cells = yield from aside(partial(_cells, one, sides, budget))
     parts = {}
     for name in one.parts():

@@ -3,18 +3,17 @@
 from __future__ import annotations
 
 import math
-import os
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from typing import Any
 
-import bpy
 import numpy as np
 from numpy.typing import NDArray
 
 from ..solver.errors import SceneError
 from ..solver.scene import Texture
 from .parts import PAUSE, Parts, aside
+from .shown_images import file_of, missing_error
 from .sockets import ASSOCIATED
 from .warn import Warnings, warn
 
@@ -45,7 +44,7 @@ def texture_parts(image: Any, material: str, warnings: Warnings, highest: float 
     SceneError
         If the image's file is missing or can't be read.
     """
-    _tell_kind(image, material, warnings)
+    _tell_tiles(image, material, warnings)
     stored = yield from _stored(image, material)
     decode = _decoder(image, material, warnings)
     name = image.name
@@ -74,10 +73,10 @@ def _stored(image: Any, material: str) -> Parts[Float]:
     width, height = image.size
     channels = image.channels
     if not (width and height and channels):
-        path = bpy.path.abspath(image.filepath, library=image.library)
-        where = os.path.normpath(path) if path else "an unknown place"
-        raise SceneError(f"material {material!r}: image {image.name!r} is missing at {where}: "
-                         "restore the file (File > External Data > Find Missing Files) or choose another image")
+        if image.source in {"SEQUENCE", "MOVIE"}:
+            raise SceneError(f"material {material!r}: Cycles alone reads frames of image {image.name!r}: switch Cycles "
+                             "on (Preferences > Add-ons) or choose a still image")
+        raise missing_error(image, file_of(image), f"material {material!r}")
     # Memory that was written to before is filled in half the time: it is the window that waits for the second.
     values = yield from aside(lambda: np.full(width * height * channels, 0, np.float32))
     yield PAUSE
@@ -115,14 +114,10 @@ def _texture(name: str, stored: Float, decode: Callable[[Float], Float], materia
     return made
 
 
-def _tell_kind(image: Any, material: str, warnings: Warnings) -> None:
-    """Tell of an image that is not one picture."""
+def _tell_tiles(image: Any, material: str, warnings: Warnings) -> None:
     if image.source == "TILED":
         warn(warnings, material, "texture", f"image {image.name!r} has UDIM tiles, of which the first alone is used: "
              "join them into one image")
-    elif image.source in {"SEQUENCE", "MOVIE"}:
-        kind = image.source.lower()
-        warn(warnings, material, "texture", f"image {image.name!r} is a {kind}: its present frame is used")
 
 
 def _decoder(image: Any, material: str, warnings: Warnings) -> Callable[[Float], Float]:

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..solver.luminaire import NATURAL, Fade, Falloff
-from . import compat, lamp_render, node_hash
+from . import compat, lamp_render, node_hash, shown_images
 from .parts import Parts, whole
 from .sockets import Colour, Reader, feeding
 from .warn import Warnings, warn
@@ -62,7 +62,7 @@ def emission_parts(lights: Iterable[Any], warnings: Warnings) -> Parts[Emissions
     Raises
     ------
     SceneError
-        If Cycles can't render a lamp's nodes.
+        If Cycles can't render a lamp's nodes, or the file of an image is missing.
     """
     found: Emissions = {}
     for data in list(lights):
@@ -85,6 +85,8 @@ def _read(data: Any, warnings: Warnings) -> LampEmission:
             strength = reader.number(source.node.inputs["Strength"])
             if not reader.guessed and colour.image is None:
                 return LampEmission(np.array(colour.factor) * strength, None, falloff)
+    shown_images.require(data.node_tree, f"lamp {data.name!r}")
+    shown_images.tell_animated(data.node_tree, data.name, CODE, warnings)
     emission, messages = _evaluated(data, falloff)
     for message in messages:
         reader.warn(message)

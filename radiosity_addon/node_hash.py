@@ -13,7 +13,7 @@ import numpy as np
 LOOKS = frozenset({
     "rna_type", "location", "location_absolute", "width", "width_hidden", "height", "dimensions", "select", "name",
     "label", "color", "use_custom_color", "show_options", "show_preview", "show_texture", "hide", "parent", "color_tag",
-    "warning_propagation", "inputs", "outputs", "internal_links", "image_user", "id_data", "interface",
+    "warning_propagation", "inputs", "outputs", "internal_links", "id_data", "interface", "frame_current",
     "panel_states_buffer", "bl_icon", "bl_description",
 })
 # How deep settings of settings (curves, ramps) are followed.
@@ -31,17 +31,6 @@ def uses(tree: Any, kinds: frozenset[str]) -> bool:
     """Whether a node of these kinds is in the tree or in a group of it."""
     return any(node.bl_idname in kinds or (node.bl_idname == "ShaderNodeGroup" and node.node_tree is not None
                                            and uses(node.node_tree, kinds)) for node in tree.nodes)
-
-
-def images(tree: Any) -> list[Any]:
-    """The images in the tree and its groups."""
-    found = []
-    for node in tree.nodes:
-        if node.bl_idname == "ShaderNodeGroup" and node.node_tree is not None:
-            found += images(node.node_tree)
-        elif node.bl_idname in {"ShaderNodeTexImage", "ShaderNodeTexEnvironment"} and node.image is not None:
-            found.append(node.image)
-    return found
 
 
 def _tree(tree: Any, digest: Any, seen: dict[str, int]) -> None:

@@ -203,6 +203,9 @@ class Reader:
         if node.image.is_float and node.image.alpha_mode == "STRAIGHT" and node.image.channels == 4:
             # Some versions of Cycles multiply it by alpha once more.
             self.guess(f"image {node.image.name!r} has floats with straight alpha: its colour is used as it is stored")
+        if node.image.source in {"SEQUENCE", "MOVIE"}:
+            self.warn(f"image {node.image.name!r} is a {node.image.source.lower()}: its present frame is baked")
+            self.guess(f"image {node.image.name!r} is animated: its frames are not read")
         if node.image.source == "TILED":
             self.guess(f"image {node.image.name!r} has UDIM tiles: the first alone is used")
         uv_map, matrix = self._coordinates(node.inputs["Vector"])

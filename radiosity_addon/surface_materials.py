@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from ..solver.errors import RadiosityError
 from ..solver.scene import Texture
-from . import evaluate, node_hash
+from . import evaluate, node_hash, shown_images
 from .cycles_elsewhere import Elsewhere
 from .evaluate import Evaluated, Request
 from .images import mean_parts, texture_parts
@@ -79,11 +79,19 @@ class SurfaceMaterials:
         return (material.name_full if material is not None else "") in self._slots
 
     def slot(self, material: Any) -> Slot:
-        """A material as a slot; None is an empty one."""
+        """A material as a slot; None is an empty one.
+
+        Raises
+        ------
+        SceneError
+            If Cycles has to look at it and the file of an image is missing.
+        """
         name = material.name_full if material is not None else ""
         if name not in self._slots:
             shading = read_material(material, self.warnings)
-            if not shading.guessed_parts:
+            if shading.guessed_parts:
+                shown_images.require(material.node_tree, f"material {name!r}")
+            else:
                 shading = settled(shading, name, self.warnings)
             self._slots[name] = Slot(len(self.names), shading, material)
             self.names.append(name or "(no material)")

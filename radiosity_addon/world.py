@@ -12,7 +12,7 @@ from ..solver.lights import Light
 from ..solver.scene import Sky
 from ..solver.sky_lamps import peel_parts
 from ..solver.sky_picture import Window
-from . import compat, world_render
+from . import compat, shown_images, world_render
 from .cycles_elsewhere import Elsewhere
 from .parts import ENDLESS, Parts, aside, whole
 from .sockets import Colour, Reader, luminance
@@ -59,7 +59,7 @@ def world_parts(world: Any, warnings: Warnings, size: Map | None = None, part_se
     Raises
     ------
     SceneError
-        If Cycles can't render it.
+        If Cycles can't render it, or the file of an image is missing.
     """
     if world is None:
         return Sky(), ()
@@ -68,6 +68,8 @@ def world_parts(world: Any, warnings: Warnings, size: Map | None = None, part_se
         return Sky(), ()
     flat = _constant(world, warnings)
     if flat is None:
+        shown_images.require(world.node_tree, f"world {world.name!r}")
+        shown_images.tell_animated(world.node_tree, world.name, CODE, warnings)
         wanted = size or world_render.fine_map(world)
         if elsewhere is not None and not elsewhere.knows(world):
             elsewhere = None

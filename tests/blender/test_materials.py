@@ -13,7 +13,6 @@ from radiosity.radiosity_addon.export import export_scene
 from radiosity.radiosity_addon.images import srgb_to_linear
 from radiosity.radiosity_addon.world import read_world
 from radiosity.solver import sky
-from radiosity.solver.errors import SceneError
 from radiosity.solver.geometry import Geometry
 from radiosity.solver.scene import Scene
 from radiosity.solver.settings import Settings
@@ -145,16 +144,6 @@ def test_a_mapping_node_moves_the_image(build):
     unwrap_square(build.mesh("Square", material=material))
     scene = export([])
     assert Geometry(scene).reflectance(*hit(scene, 0.25, 0.5)) == pytest.approx(0.6, abs=1e-3)
-
-
-def test_a_missing_texture_names_material_image_and_path(build):
-    build.sun()
-    image = bpy.data.images.new("brick.png", 4, 4)
-    image.source, image.filepath = "FILE", "/nowhere/brick.png"
-    image.reload()
-    unwrap_square(build.mesh("Wall", material=build.textured("Brick", image)))
-    with pytest.raises(SceneError, match=r"material 'Brick': image 'brick.png' is missing at /nowhere/brick.png"):
-        export([])
 
 
 def test_reflectance_of_one_or_above_is_held_and_the_material_named(build):

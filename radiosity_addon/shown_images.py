@@ -1,0 +1,93 @@
+"""The images that node trees show, and whether their files are there: Cycles shows magenta for those that are not."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterator
+from typing import Any
+
+import bpy
+
+from ..solver.errors import SceneError
+from .sockets import feeding
+from .warn import Warnings, warn
+
+IMAGE_NODES = frozenset({"ShaderNodeTexImage", "ShaderNodeTexEnvironment"})
+# Sources that come from a file; others are made in Blender.
+FROM_FILES = frozenset({"FILE", "SEQUENCE", "MOVIE", "TILED"})
+RESTORE = "restore the file (File > External Data > Find Missing Files) or choose another image"
+
+
+def images(tree: Any) -> list[Any]:
+    """The images that a tree's output shows, through groups; what is muted or linked to nothing is not shown."""
+    return [node.image for node in _image_nodes(tree)]
+
+
+def tell_animated(tree: Any, owner: str, code: str, warnings: Warnings) -> None:
+    """Tell of sequences and movies where Cycles is asked without a frame."""
+    for image in images(tree):
+        if image.source in {"SEQUENCE", "MOVIE"}:
+            warn(warnings, owner, code, f"image {image.name!r} is a {image.source.lower()}: what it shows in frame 1 "
+                 "of the scene is baked, choose a still image for any other")
+
+
+def require(tree: Any, owner: str) -> None:
+    """See that the files of a tree's images are there.
+
+    Raises
+    ------
+    SceneError
+        Naming the owner, an image and where its file should be.
+    """
+    for node in _image_nodes(tree):
+        # Which frame of a sequence is due, evaluated trees alone know.
+        path = missing_at(node.image, node.image_user if tree.is_evaluated else None)
+        if path is not None:
+            raise missing_error(node.image, path, owner)
+
+
+def missing_error(image: Any, path: str, owner: str) -> SceneError:
+    """What to say of an image without a file."""
+    return SceneError(f"{owner}: image {image.name!r} is missing at {path}: {RESTORE}")
+
+
+def missing_at(image: Any, user: Any = None) -> str | None:
+    """Where an image's file should be, if it is not there; `user` tells the frame of a sequence."""
+    if image.source not in FROM_FILES or image.packed_file is not None or image.has_data:
+        return None
+    path = file_of(image, user)
+    there = os.path.isdir(os.path.dirname(path)) if image.source == "TILED" else os.path.isfile(path)
+    return None if there else path
+
+
+def file_of(image: Any, user: Any = None) -> str:
+    """Path of an image's file."""
+    path = image.filepath_from_user(image_user=user) if user is not None else image.filepath
+    path = bpy.path.abspath(path, library=image.library)
+    return os.path.normpath(path) if path else "an unknown place"
+
+
+def _image_nodes(tree: Any) -> Iterator[Any]:
+    output = tree.get_output_node("CYCLES")
+    if output is not None:
+        yield from (node for node in _shown(output, {tree.name_full})
+                    if node.bl_idname in IMAGE_NODES and node.image is not None)
+
+
+def _shown(output: Any, trees: set[str]) -> Iterator[Any]:
+    """The nodes that an output node shows, each once, those of groups in trees that are not known yet too."""
+    waiting, seen = [output], {output.name}
+    while waiting:
+        sources = (feeding(socket) for socket in waiting.pop().inputs)
+        for node in (source.node for source in sources if source is not None):
+            if node.name in seen:
+                continue
+            seen.add(node.name)
+            waiting.append(node)
+            yield node
+            inner = node.node_tree if node.bl_idname == "ShaderNodeGroup" else None
+            if inner is not None and inner.name_full not in trees:
+                trees.add(inner.name_full)
+                ends = (end for end in inner.nodes if end.bl_idname == "NodeGroupOutput" and end.is_active_output)
+                for end in ends:
+                    yield from _shown(end, trees)
