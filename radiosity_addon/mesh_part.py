@@ -90,6 +90,19 @@ def take_part(mesh: Any, arrays: MeshArrays) -> MeshPart:
                     arrays.triangles, arrays.corner_normals, tuple(attributes), active_uv, colour, space)
 
 
+def at_corners(mesh: Any, arrays: MeshArrays, name: str) -> Float | None:
+    """(t, 3, 2) first two numbers of an attribute at the triangles' corners, a UV map or not; None if there is none."""
+    attribute = mesh.attributes.get(name)
+    if attribute is None or attribute.data_type not in KINDS:
+        return None
+    index = {"POINT": arrays.triangles, "CORNER": arrays.corner_ids, "FACE": arrays.face[:, None]}.get(attribute.domain)
+    if index is None:
+        return None
+    kind, dtype, width = KINDS[attribute.data_type]
+    values = read(attribute.data, kind, dtype, width).reshape(-1, width)[index]
+    return np.broadcast_to(values[..., :2], (len(index), 3, 2))
+
+
 def make_mesh(part: MeshPart, bake_uv: Float) -> list[Any]:
     """Temporary meshes: the part with a UV map to bake over, and what it needs; the caller removes them all.
 

@@ -220,7 +220,7 @@ class Reader:
             node = source.node
             if node.bl_idname == "ShaderNodeUVMap":
                 return node.uv_map, plain
-            if node.bl_idname == "ShaderNodeAttribute":
+            if node.bl_idname == "ShaderNodeAttribute" and node.attribute_type == "GEOMETRY" and source.type != "VALUE":
                 return node.attribute_name, plain
             if node.bl_idname == "ShaderNodeTexCoord" and source.name == "UV":
                 return "", plain

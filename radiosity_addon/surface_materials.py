@@ -22,8 +22,8 @@ from .cycles_elsewhere import Elsewhere
 from .evaluate import Evaluated, Request
 from .images import mean_parts, texture_parts
 from .materials import FAINT, HIGHEST, Shading, read_material, settled, tell_passing
-from .mesh_arrays import MeshArrays, read_uv
-from .mesh_part import take_part
+from .mesh_arrays import MeshArrays
+from .mesh_part import at_corners, take_part
 from .parts import Parts, aside
 from .sockets import Colour, ImageUse
 from .triangle_cells import Cells
@@ -256,19 +256,18 @@ class SurfaceMaterials:
         """The coordinates in the shading's image, if it has one, of the triangles' corners."""
         image = place.shading.reflectance.image or place.shading.emission.image
         if image is not None:
-            place.columns["uv"][place.rows] = self._coordinates(item, image, mesh.corner_ids[:, order], place.material)
+            place.columns["uv"][place.rows] = self._coordinates(item, image, mesh, place.material)[:, order]
 
-    def _coordinates(self, item: Shown, image: ImageUse, corners: Int, material: str) -> Float:
-        """(n, 3, 2) float32 coordinates in the image of the triangles with these corners."""
-        layers = item.mesh.uv_layers
-        layer = image.uv_map or next((layer.name for layer in layers if layer.active_render), "")
-        if layer not in layers:
+    def _coordinates(self, item: Shown, image: ImageUse, mesh: MeshArrays, material: str) -> Float:
+        """(t, 3, 2) float32 coordinates in the image of the triangles' corners."""
+        layer = image.uv_map or next((layer.name for layer in item.mesh.uv_layers if layer.active_render), "")
+        uv = at_corners(item.mesh, mesh, layer)
+        if uv is None:
             lacks = f"no UV map {layer!r}" if layer else "no UV map"
             warn(self.warnings, item.name, "texture", f"has {lacks} for image {image.image.name!r} of material "
                  f"{material!r}: the image's first pixel is used, unwrap the object")
-            return np.zeros((len(corners), 3, 2), np.float32)
-        uv = read_uv(item.mesh, layer)[corners].astype(np.float64)
-        placed = uv @ image.matrix[:, :2].T + image.matrix[:, 2]
+            return np.zeros((len(mesh.triangles), 3, 2), np.float32)
+        placed = uv.astype(np.float64) @ image.matrix[:, :2].T + image.matrix[:, 2]
         if not np.isfinite(placed).all():
             warn(self.warnings, item.name, "texture", f"its UV map {layer!r} has values that are not finite: "
                  "they count as 0, unwrap again")

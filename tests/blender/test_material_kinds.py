@@ -251,6 +251,28 @@ def test_an_image_lies_where_cycles_lays_it(build, grid, make):
     assert_agree(ours(scene, Geometry(scene).reflectance), cycles(grid, "DIFFUSE"))
 
 
+@pytest.mark.parametrize("reader", ["Attribute", "UVMap"])
+@pytest.mark.parametrize(("kind", "domain"), [
+    ("FLOAT_VECTOR", "CORNER"), ("FLOAT2", "POINT"), ("FLOAT_VECTOR", "FACE")])
+def test_an_image_is_laid_out_by_any_vectors_of_the_mesh(build, grid, kind, domain, reader):
+    # What geometry nodes store as UVs is seldom a UV map: random vectors. Exact answer: Cycles' COLOR bake.
+    layer = grid.data.attributes.new("Laid", kind, domain)
+    width = 2 if kind == "FLOAT2" else 3
+    values = np.random.default_rng(2).uniform(0, 1, (len(layer.data), width)).astype(np.float32)
+    layer.data.foreach_set("vector", values.ravel())
+    named = {"attribute_name": "Laid"} if reader == "Attribute" else {"uv_map": "Laid"}
+
+    def laid(tree: Any, _material: Any) -> Any:
+        place = node(tree, reader, **named)
+        return node(tree, "TexImage", {"Vector": place.outputs["Vector" if reader == "Attribute" else "UV"]},
+                    image=checked_image(build)).outputs["Color"]
+    grid.data.materials.append(diffuse(build, laid))
+    warnings: list[dict[str, Any]] = []
+    scene = export(warnings)
+    assert_agree(ours(scene, Geometry(scene).reflectance), cycles(grid, "DIFFUSE"))
+    assert warnings == []
+
+
 @pytest.mark.parametrize("mode", ["STRAIGHT", "CHANNEL_PACKED"])
 @pytest.mark.parametrize("is_float", [False, True])
 def test_an_images_alpha_darkens_its_colour_as_in_cycles(build, grid, mode, is_float):
