@@ -23,6 +23,7 @@ from .compat import version
 from .cycles_elsewhere import Elsewhere
 from .materials import PARTS, Shading
 from .mesh_part import BAKE_UV, MeshPart, make_mesh
+from .named_values import Named
 from .parts import PAUSE, Parts, aside
 from .shader_views import show_part
 from .shown_images import images
@@ -59,6 +60,7 @@ class Subject:
     material : the original bpy material.
     part : the triangles.
     matrix : (4, 4) of the object; colour, index and random number of it, as its Object Info says.
+    named : what Attribute nodes ask of it by name.
     """
 
     material: Any
@@ -67,6 +69,7 @@ class Subject:
     colour: tuple[float, ...]
     index: int
     random: float
+    named: Named
 
 
 @dataclass(frozen=True, eq=False)
@@ -110,7 +113,7 @@ class Evaluated:
     cells: Cells
 
 
-def request(item: Any, material: Any, part: MeshPart, shading: Shading) -> Request:
+def request(item: Any, material: Any, part: MeshPart, shading: Shading, named: Named) -> Request:
     """A request for a shown mesh and one of its (evaluated) materials; call it while the dependency graph lives."""
     tree = material.node_tree
     by_place = node_hash.uses(tree, BY_PLACE)
@@ -119,11 +122,11 @@ def request(item: Any, material: Any, part: MeshPart, shading: Shading) -> Reque
     for array in part.arrays():
         digest.update(np.ascontiguousarray(array).tobytes())
     if by_place:
-        own = (item.matrix.tobytes(), tuple(item.original.color), item.original.pass_index, item.random)
+        own = (item.matrix.tobytes(), tuple(item.original.color), item.original.pass_index, item.random, named)
         digest.update(repr(own).encode())
     digest.update(repr((material.pass_index, version(), shading.guessed_parts)).encode())
     subject = Subject(material.original, part, item.matrix, tuple(item.original.color), item.original.pass_index,
-                      item.random)
+                      item.random, named)
     return Request(subject, item.name, shading, digest.hexdigest())
 
 
@@ -174,7 +177,8 @@ def _evaluate(one: Request, budget: int, frame: int, elsewhere: Elsewhere | None
             if elsewhere is not None and elsewhere.knows(subject.material):
                 pixels = yield from elsewhere.ask(
                     do="bake", material=subject.material.name, name=name, frame=frame, part=plain(subject.part),
-                    cells=plain(cells), subject=(subject.matrix, subject.colour, subject.index, subject.random))
+                    cells=plain(cells),
+                    subject=(subject.matrix, subject.colour, subject.index, subject.random, subject.named))
             else:
                 yield PAUSE
                 pixels = bake(subject, name, cells, frame)
@@ -225,7 +229,7 @@ def bake(one: Subject, name: str, cells: Cells, frame: int) -> Float:
     copy = one.material.copy()
     item = bpy.data.objects.new("radiosity bake", meshes[0])
     try:
-        groups = show_part(copy, name, one.random)
+        groups = show_part(copy, name, one.random, one.named)
         meshes[0].materials.append(copy)
         item.matrix_world = one.matrix.T.tolist()
         item.color, item.pass_index = one.colour, one.index

@@ -25,6 +25,8 @@ KINDS: dict[str, tuple[str, type, int]] = {
     "BOOLEAN": ("value", np.bool_, 1), "FLOAT_VECTOR": ("vector", np.float32, 3), "FLOAT2": ("vector", np.float32, 2),
     "FLOAT_COLOR": ("color", np.float32, 4), "BYTE_COLOR": ("color", np.float32, 4),
 }
+# What the mean of a kind's values is.
+MEANS = {"FLOAT_VECTOR": "FLOAT_VECTOR", "FLOAT2": "FLOAT2", "FLOAT_COLOR": "FLOAT_COLOR", "BYTE_COLOR": "FLOAT_COLOR"}
 # What a mesh of triangles has by itself.
 BUILT_IN = frozenset({"position", "material_index", "sharp_face", "sharp_edge", "custom_normal"})
 # UV map that a temporary mesh is baked over.
@@ -71,23 +73,36 @@ class MeshPart:
                      if other == (name or self.active_uv) and kind == "FLOAT2" and domain == "CORNER"), None)
 
 
-def take_part(mesh: Any, arrays: MeshArrays) -> MeshPart:
-    """The triangles in `arrays` with all attributes of the mesh that they come from."""
-    attributes = []
+def take_part(mesh: Any, arrays: MeshArrays, weights: dict[str, Float]) -> MeshPart:
+    """The triangles in `arrays` with all attributes of the mesh that they come from, and weights of its vertices."""
+    attributes = [(name, "FLOAT", "POINT", values) for name, values in weights.items()]
     for attribute in mesh.attributes:
         if attribute.name.startswith(".") or attribute.name in BUILT_IN or attribute.data_type not in KINDS:
             continue
-        index = {"POINT": None, "CORNER": arrays.corner_ids, "FACE": arrays.face}.get(attribute.domain, False)
+        kind, domain = attribute.data_type, attribute.domain
+        values = read(attribute.data, *KINDS[kind])
+        if domain == "EDGE":
+            # Triangles have edges of their own.
+            values, kind, domain = _mean_of_edges(mesh, values), MEANS.get(kind, "FLOAT"), "POINT"
+        index = {"POINT": None, "CORNER": arrays.corner_ids, "FACE": arrays.face}.get(domain, False)
         if index is not False:
-            values = read(attribute.data, *KINDS[attribute.data_type])
-            attributes.append((attribute.name, attribute.data_type, attribute.domain,
-                               values if index is None else values[index]))
+            attributes.append((attribute.name, kind, domain, values if index is None else values[index]))
     active_uv = next((layer.name for layer in mesh.uv_layers if layer.active_render), "")
     colours = mesh.color_attributes
     colour = colours[colours.render_color_index].name if 0 <= colours.render_color_index < len(colours) else ""
     space = np.array([mesh.texspace_location[:], mesh.texspace_size[:]], np.float32)
     return MeshPart(read(mesh.vertices, "co", np.float32, 3), read(mesh.vertices, "undeformed_co", np.float32, 3),
                     arrays.triangles, arrays.corner_normals, tuple(attributes), active_uv, colour, space)
+
+
+def _mean_of_edges(mesh: Any, values: NDArray[Any]) -> NDArray[Any]:
+    """(vertices,) or (vertices, width): the mean of the edges at each vertex."""
+    ends = read(mesh.edges, "vertices", np.int32, 2)
+    total = np.zeros((len(mesh.vertices), *values.shape[1:]))
+    for column in ends.T:
+        np.add.at(total, column, values)
+    count = np.bincount(ends.ravel(), minlength=len(total)).reshape(-1, *[1] * (values.ndim - 1))
+    return np.asarray(total / np.maximum(count, 1), np.float32)
 
 
 def at_corners(mesh: Any, arrays: MeshArrays, name: str) -> Float | None:

@@ -13,6 +13,7 @@ from typing import Any
 
 from .constants import VIEW_DEPENDENT, Triple, mean_fresnel, of, triple
 from .materials import specular_ior
+from .named_values import MISSING, Named
 from .sockets import feeding
 
 # A number, a colour, or the output socket of a node.
@@ -165,19 +166,20 @@ VIEWS: dict[str, dict[str, View]] = {
 }
 
 
-def show_part(material: Any, part: str, random: float) -> list[Any]:
+def show_part(material: Any, part: str, random: float, named: Named) -> list[Any]:
     """Rewrite a material, a copy of the user's, to shine with one part; the node groups that were copied for it.
 
     Parameters
     ----------
     part : one of `materials.PARTS`.
     random : what its Object Info nodes say is random about the object.
+    named : what its Attribute nodes ask of the object by name.
     """
     output = material.node_tree.get_output_node("CYCLES")
     for name in ("Displacement", "Volume"):
         for link in list(output.inputs[name].links):
             material.node_tree.links.remove(link)
-    return _rewritten(material.node_tree, partial(_show_node, part=part, random=random))
+    return _rewritten(material.node_tree, partial(_show_node, part=part, random=random, named=named))
 
 
 def show_to_diffuse_rays(tree: Any) -> list[Any]:
@@ -212,7 +214,7 @@ def _drop_muted(tree: Any) -> None:
             tree.links.remove(link)
 
 
-def _show_node(tree: Any, node: Any, part: str, random: float) -> None:
+def _show_node(tree: Any, node: Any, part: str, random: float, named: Named) -> None:
     if node.bl_idname in VIEWS and not node.mute:
         view = VIEWS[node.bl_idname].get(part)
         shown = _Tree(tree)
@@ -221,8 +223,19 @@ def _show_node(tree: Any, node: Any, part: str, random: float) -> None:
         _replace_constants(tree, node)
     elif node.bl_idname == "ShaderNodeObjectInfo":
         _replace(tree, node.outputs["Random"], _number(tree, random))
+    elif node.bl_idname == "ShaderNodeAttribute" and node.attribute_type != "GEOMETRY":
+        _put_named(tree, node, named.get((node.attribute_type, node.attribute_name), MISSING))
     else:
         _fix_light_path(tree, node)
+
+
+def _put_named(tree: Any, node: Any, value: tuple[float, ...]) -> None:
+    colour = tree.nodes.new("ShaderNodeRGB").outputs[0]
+    colour.default_value = (*value[:3], 1.0)
+    for name in ("Color", "Vector"):
+        _replace(tree, node.outputs[name], colour)
+    _replace(tree, node.outputs["Fac"], _number(tree, sum(value[:3]) / 3))
+    _replace(tree, node.outputs["Alpha"], _number(tree, value[3]))
 
 
 def _fix_light_path(tree: Any, node: Any) -> None:

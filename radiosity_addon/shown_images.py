@@ -9,7 +9,7 @@ from typing import Any
 import bpy
 
 from ..solver.errors import SceneError
-from .sockets import feeding
+from .shown_nodes import shown_nodes
 from .warn import Warnings, warn
 
 IMAGE_NODES = frozenset({"ShaderNodeTexImage", "ShaderNodeTexEnvironment"})
@@ -19,7 +19,7 @@ RESTORE = "restore the file (File > External Data > Find Missing Files) or choos
 
 
 def images(tree: Any) -> list[Any]:
-    """The images that a tree's output shows, through groups; what is muted or linked to nothing is not shown."""
+    """The images that a tree's output shows, those in its groups too."""
     return [node.image for node in _image_nodes(tree)]
 
 
@@ -68,26 +68,4 @@ def file_of(image: Any, user: Any = None) -> str:
 
 
 def _image_nodes(tree: Any) -> Iterator[Any]:
-    output = tree.get_output_node("CYCLES")
-    if output is not None:
-        yield from (node for node in _shown(output, {tree.name_full})
-                    if node.bl_idname in IMAGE_NODES and node.image is not None)
-
-
-def _shown(output: Any, trees: set[str]) -> Iterator[Any]:
-    """The nodes that an output node shows, each once, those of groups in trees that are not known yet too."""
-    waiting, seen = [output], {output.name}
-    while waiting:
-        sources = (feeding(socket) for socket in waiting.pop().inputs)
-        for node in (source.node for source in sources if source is not None):
-            if node.name in seen:
-                continue
-            seen.add(node.name)
-            waiting.append(node)
-            yield node
-            inner = node.node_tree if node.bl_idname == "ShaderNodeGroup" else None
-            if inner is not None and inner.name_full not in trees:
-                trees.add(inner.name_full)
-                ends = (end for end in inner.nodes if end.bl_idname == "NodeGroupOutput" and end.is_active_output)
-                for end in ends:
-                    yield from _shown(end, trees)
+    return (node for node in shown_nodes(tree) if node.bl_idname in IMAGE_NODES and node.image is not None)

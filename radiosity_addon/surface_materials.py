@@ -24,6 +24,7 @@ from .images import mean_parts, texture_parts
 from .materials import FAINT, HIGHEST, Shading, read_material, settled, tell_passing
 from .mesh_arrays import MeshArrays
 from .mesh_part import at_corners, take_part
+from .named_values import named_values, vertex_weights
 from .parts import Parts, aside
 from .sockets import Colour, ImageUse
 from .triangle_cells import Cells
@@ -121,9 +122,12 @@ class SurfaceMaterials:
         self._put_plain(place)
         if shading.guessed_parts:
             # Until then the guess stands here, with texture coordinates for its images.
-            request = evaluate.request(item, slot.material, take_part(item.mesh, mesh), shading)
+            tree = slot.material.node_tree
+            part = take_part(item.mesh, mesh, vertex_weights(tree, item))
+            named = named_values(tree, item, place.material, self.warnings)
+            request = evaluate.request(item, slot.material, part, shading, named)
             self._pending.append((place, request, order))
-            if node_hash.uses(slot.material.node_tree, AROUND):
+            if node_hash.uses(tree, AROUND):
                 warn(self.warnings, place.material, "material", "has Ambient Occlusion or Bevel nodes, which see "
                      "nothing here but the faces of this material on one object: bake them to an image first")
         else:

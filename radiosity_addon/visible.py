@@ -24,6 +24,7 @@ class Shown:
     original : the original bpy object.
     instancer : name of the object that shows it as an instance, or "".
     parent : the original bpy object that shows it as an instance, itself if it was made on the way, or None.
+    layer : the view layer that it is shown in, with its scene and world.
     mesh : the evaluated bpy mesh.
     matrix : (4, 4) float64 to world space.
     materials : of its slots; None for an empty slot.
@@ -35,6 +36,7 @@ class Shown:
     original: Any
     instancer: str
     parent: Any
+    layer: tuple[Any, ...]
     mesh: Any
     matrix: NDArray[np.float64]
     materials: tuple[Any, ...]
@@ -67,6 +69,7 @@ def shown_meshes(depsgraph: Any, warnings: Warnings) -> list[Shown]:
     """
     shown: list[Shown] = []
     names: Counter[str] = Counter()
+    layer = depsgraph.view_layer, depsgraph.scene, depsgraph.scene.world
     for instance in depsgraph.object_instances:
         item = instance.object
         if item.type != "MESH" or not instance.show_self or item.data is None or not len(item.data.polygons):
@@ -88,6 +91,6 @@ def shown_meshes(depsgraph: Any, warnings: Warnings) -> list[Shown]:
             warn(warnings, original.name, "visibility", "casts no shadow of lamps, as it is set (Ray Visibility); "
                  "light of the sky, but for its suns, it stops all the same")
         materials = tuple(slot.material for slot in item.material_slots)
-        shown.append(Shown(name, original, instancer, parent, item.data, matrix, materials, random_of(instance),
-                           not made_on_the_way))
+        shown.append(Shown(name, original, instancer, parent, layer, item.data, matrix, materials,
+                           random_of(instance), not made_on_the_way))
     return shown

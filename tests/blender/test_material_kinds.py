@@ -179,6 +179,19 @@ def _face_attribute(tree, _material):
     return node(tree, "Attribute", attribute_name="Age").outputs["Fac"]
 
 
+def _vertex_group(tree, _material):
+    group = bpy.data.objects["Grid"].vertex_groups.new(name="Dust")
+    for index in range(0, (GRID + 1) ** 2, 3):
+        group.add([index], 0.3 + 0.01 * index, "REPLACE")
+    return node(tree, "Attribute", attribute_name="Dust").outputs["Fac"]
+
+
+def _edge_attribute(tree, _material):
+    layer = bpy.data.meshes["Grid"].attributes.new("Worn", "FLOAT", "EDGE")
+    layer.data.foreach_set("value", np.random.default_rng(3).uniform(0.1, 0.9, len(layer.data)).astype(np.float32))
+    return node(tree, "Attribute", attribute_name="Worn").outputs["Fac"]
+
+
 def _random_object(tree, _material):
     return node(tree, "ObjectInfo").outputs["Random"]
 
@@ -212,7 +225,7 @@ def _group(tree, _material):
 
 
 KINDS = (_noise, _voronoi, _ramp, _curves, _hue, _generated, _object_space, _world_space, _normals, _vertex_colours,
-         _face_attribute, _random_object, _object_colour, _blackbody, _math, _group)
+         _face_attribute, _vertex_group, _edge_attribute, _random_object, _object_colour, _blackbody, _math, _group)
 
 
 @pytest.mark.parametrize("make", KINDS, ids=lambda make: make.__name__.strip("_"))
