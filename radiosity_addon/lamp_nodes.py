@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from ..solver.luminaire import NATURAL, Fade, Falloff
 from . import compat, lamp_render, node_hash, shown_images
+from .named_values import tell_named
 from .parts import Parts, whole
 from .sockets import Colour, Reader, feeding
 from .warn import Warnings, warn
@@ -86,6 +87,7 @@ def _read(data: Any, warnings: Warnings) -> LampEmission:
             if not reader.guessed and colour.image is None:
                 return LampEmission(np.array(colour.factor) * strength, None, falloff)
     shown_images.require(data.node_tree, f"lamp {data.name!r}")
+    tell_named(data, CODE, warnings)
     shown_images.tell_animated(data.node_tree, data.name, CODE, warnings)
     emission, messages = _evaluated(data, falloff)
     for message in messages:

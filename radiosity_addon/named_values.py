@@ -35,8 +35,16 @@ def named_values(tree: Any, item: Shown, material: str, warnings: Warnings) -> N
             stored = ("; what geometry nodes store on instances is not read: realize them, and set the node to Geometry"
                       if kind == "INSTANCER" else "")
             warn(warnings, item.original.name, "material", f"has no {name!r} for the Attribute node "
-                 f"({kind.replace('_', ' ').title()}) of material {material!r}: it counts as black{stored}")
+                 f"({_title(kind)}) of material {material!r}: it counts as black{stored}")
     return found
+
+
+def tell_named(data: Any, code: str, warnings: Warnings) -> None:
+    """Tell what Attribute nodes of a world or lamp ask by name: Cycles is shown it without its scene and object."""
+    for kind, name in sorted(_asked(data.node_tree)):
+        if kind != "GEOMETRY" and not (kind == "VIEW_LAYER" and name in data):
+            warn(warnings, data.name, code, f"its Attribute node asks for {name!r} ({_title(kind)}), which is not "
+                 "looked up here and counts as black: use a driver or a plain value instead")
 
 
 def vertex_weights(tree: Any, item: Shown) -> dict[str, Float]:
@@ -49,6 +57,10 @@ def vertex_weights(tree: Any, item: Shown) -> dict[str, Float]:
 def _asked(tree: Any) -> set[tuple[str, str]]:
     return {(node.attribute_type, node.attribute_name) for node in shown_nodes(tree)
             if node.bl_idname == "ShaderNodeAttribute"}
+
+
+def _title(kind: str) -> str:
+    return kind.replace("_", " ").title()
 
 
 def _owners(kind: str, item: Shown) -> tuple[Any, ...]:

@@ -14,6 +14,7 @@ from ..solver.sky_lamps import peel_parts
 from ..solver.sky_picture import Window
 from . import compat, shown_images, world_render
 from .cycles_elsewhere import Elsewhere
+from .named_values import tell_named
 from .parts import ENDLESS, Parts, aside, whole
 from .sockets import Colour, Reader, luminance
 from .warn import Warnings, warn
@@ -69,6 +70,7 @@ def world_parts(world: Any, warnings: Warnings, size: Map | None = None, part_se
     flat = _constant(world, warnings)
     if flat is None:
         shown_images.require(world.node_tree, f"world {world.name!r}")
+        tell_named(world, CODE, warnings)
         shown_images.tell_animated(world.node_tree, world.name, CODE, warnings)
         wanted = size or world_render.fine_map(world)
         if elsewhere is not None and not elsewhere.knows(world):

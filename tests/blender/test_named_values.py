@@ -8,8 +8,10 @@ import bpy
 import numpy as np
 import pytest
 from radiosity.radiosity_addon.export import export_scene
+from radiosity.radiosity_addon.world import read_world
 from radiosity.solver.scene import Scene
 from radiosity.solver.settings import Settings
+from radiosity.tests.blender.stage import emission_nodes, lamp, warned
 
 TINT = (0.6, 0.3, 0.1)
 
@@ -89,3 +91,30 @@ def test_what_nobody_has_is_black_and_told(attribute, kind):
     assert warning["object"] == "Wall"
     assert "has no 'Tint' for the Attribute node" in warning["message"]
     assert "material 'Paint'" in warning["message"]
+
+
+def _attribute_into(socket: Any, kind: str) -> None:
+    tree = socket.id_data
+    node = tree.nodes.new("ShaderNodeAttribute")
+    node.attribute_name, node.attribute_type = "Tint", kind
+    tree.links.new(node.outputs["Color"], socket)
+
+
+def test_a_world_that_asks_its_scene_is_told(build):
+    world = build.world((1, 1, 1))
+    background = next(node for node in world.node_tree.nodes if node.bl_idname == "ShaderNodeBackground")
+    _attribute_into(background.inputs["Color"], "VIEW_LAYER")
+    bpy.context.scene["Tint"] = TINT
+    warnings: list[dict[str, Any]] = []
+    assert not read_world(world, warnings)[0].radiance.any()
+    (warning,) = warnings
+    assert (warning["object"], warning["code"]) == (world.name, "world")
+    assert "asks for 'Tint' (View Layer)" in warning["message"]
+
+
+def test_a_lamp_that_asks_its_object_is_told(stage):
+    bulb = lamp("POINT", energy=10)
+    bulb["Tint"] = TINT
+    _attribute_into(emission_nodes(bulb, (1, 1, 1), 1).inputs["Color"], "OBJECT")
+    _, message = warned()
+    assert "asks for 'Tint' (Object)" in message
