@@ -88,7 +88,7 @@ def _read(data: Any, warnings: Warnings) -> LampEmission:
                 return LampEmission(np.array(colour.factor) * strength, None, falloff)
     shown_images.require(data.node_tree, f"lamp {data.name!r}")
     tell_named(data, CODE, warnings)
-    shown_images.tell_animated(data.node_tree, data.name, CODE, warnings)
+    shown_images.tell_animated(data.node_tree, data.name, CODE, shown_images.FIRST, warnings)
     emission, messages = _evaluated(data, falloff)
     for message in messages:
         reader.warn(message)

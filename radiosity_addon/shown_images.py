@@ -16,6 +16,8 @@ IMAGE_NODES = frozenset({"ShaderNodeTexImage", "ShaderNodeTexEnvironment"})
 # Sources that come from a file; others are made in Blender.
 FROM_FILES = frozenset({"FILE", "SEQUENCE", "MOVIE", "TILED"})
 RESTORE = "restore the file (File > External Data > Find Missing Files) or choose another image"
+# What of an animated image is baked, where Cycles is told the scene's frame and where it is not.
+PRESENT, FIRST = "its present frame", "what it shows in the scene's frame 1"
 
 
 def images(tree: Any) -> list[Any]:
@@ -23,16 +25,15 @@ def images(tree: Any) -> list[Any]:
     return [node.image for node in _image_nodes(tree)]
 
 
-def tell_animated(tree: Any, owner: str, code: str, warnings: Warnings) -> None:
-    """Tell of sequences and movies where Cycles is asked without a frame."""
+def tell_animated(tree: Any, owner: str, code: str, frame: str, warnings: Warnings) -> None:
+    """Tell which frame of sequences and movies is baked."""
     for image in images(tree):
         if image.source in {"SEQUENCE", "MOVIE"}:
-            warn(warnings, owner, code, f"image {image.name!r} is a {image.source.lower()}: what it shows in frame 1 "
-                 "of the scene is baked, choose a still image for any other")
+            warn(warnings, owner, code, f"image {image.name!r} is a {image.source.lower()}: {frame} is baked")
 
 
-def require(tree: Any, owner: str) -> None:
-    """See that the files of a tree's images are there.
+def require(tree: Any, owner: str, *, read: bool = False) -> None:
+    """See that the files of a tree's images are there; `read` them too, which takes time and memory.
 
     Raises
     ------
@@ -42,13 +43,16 @@ def require(tree: Any, owner: str) -> None:
     for node in _image_nodes(tree):
         # Which frame of a sequence is due, evaluated trees alone know.
         path = missing_at(node.image, node.image_user if tree.is_evaluated else None)
+        if path is None and read and node.image.source == "FILE" and not node.image.size[0]:
+            path = file_of(node.image)
         if path is not None:
             raise missing_error(node.image, path, owner)
 
 
 def missing_error(image: Any, path: str, owner: str) -> SceneError:
-    """What to say of an image without a file."""
-    return SceneError(f"{owner}: image {image.name!r} is missing at {path}: {RESTORE}")
+    """What to say of an image without a file, or with a broken one."""
+    state = "can't be read from" if os.path.isfile(path) else "is missing at"
+    return SceneError(f"{owner}: image {image.name!r} {state} {path}: {RESTORE}")
 
 
 def missing_at(image: Any, user: Any = None) -> str | None:
@@ -56,7 +60,8 @@ def missing_at(image: Any, user: Any = None) -> str | None:
     if image.source not in FROM_FILES or image.packed_file is not None or image.has_data:
         return None
     path = file_of(image, user)
-    there = os.path.isdir(os.path.dirname(path)) if image.source == "TILED" else os.path.isfile(path)
+    many = image.source == "TILED" or (image.source == "SEQUENCE" and user is None)
+    there = os.path.isdir(os.path.dirname(path)) if many else os.path.isfile(path)
     return None if there else path
 
 

@@ -18,7 +18,7 @@ def _behind(output: Any, trees: set[str]) -> Iterator[Any]:
     """The nodes behind an output node, each once, those of groups in trees that are not known yet too."""
     waiting, seen = [output], {output.name}
     while waiting:
-        sources = (feeding(socket) for socket in waiting.pop().inputs)
+        sources = (feeding(socket) for socket in waiting.pop().inputs if socket.enabled)
         for node in (source.node for source in sources if source is not None):
             if node.name in seen:
                 continue

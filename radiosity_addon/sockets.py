@@ -204,8 +204,7 @@ class Reader:
             # Some versions of Cycles multiply it by alpha once more.
             self.guess(f"image {node.image.name!r} has floats with straight alpha: its colour is used as it is stored")
         if node.image.source in {"SEQUENCE", "MOVIE"}:
-            self.warn(f"image {node.image.name!r} is a {node.image.source.lower()}: its present frame is baked")
-            self.guess(f"image {node.image.name!r} is animated: its frames are not read")
+            self.guess(f"image {node.image.name!r} is a {node.image.source.lower()}, whose frames Cycles alone reads")
         if node.image.source == "TILED":
             self.guess(f"image {node.image.name!r} has UDIM tiles: the first alone is used")
         uv_map, matrix = self._coordinates(node.inputs["Vector"])
@@ -255,7 +254,8 @@ class Reader:
 def feeding(socket: Any) -> Any:
     """The output that feeds an input in its own tree, through reroutes and past what is muted; None if nothing does."""
     for _ in range(LONGEST_CHAIN):
-        link = next((link for link in socket.links if link.is_valid and not link.is_muted), None)
+        link = next((link for link in socket.links
+                     if link.is_valid and not link.is_muted and link.from_socket.enabled), None)
         if link is None:
             return None
         node = link.from_node

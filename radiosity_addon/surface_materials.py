@@ -91,7 +91,8 @@ class SurfaceMaterials:
         if name not in self._slots:
             shading = read_material(material, self.warnings)
             if shading.guessed_parts:
-                shown_images.require(material.node_tree, f"material {name!r}")
+                shown_images.require(material.node_tree, f"material {name!r}", read=True)
+                shown_images.tell_animated(material.node_tree, name, "texture", shown_images.PRESENT, self.warnings)
             else:
                 shading = settled(shading, name, self.warnings)
             self._slots[name] = Slot(len(self.names), shading, material)

@@ -16,7 +16,7 @@ from . import compat, shown_images, world_render
 from .cycles_elsewhere import Elsewhere
 from .named_values import tell_named
 from .parts import ENDLESS, Parts, aside, whole
-from .sockets import Colour, Reader, luminance
+from .sockets import Reader
 from .warn import Warnings, warn
 from .world_render import Map
 
@@ -71,7 +71,7 @@ def world_parts(world: Any, warnings: Warnings, size: Map | None = None, part_se
     if flat is None:
         shown_images.require(world.node_tree, f"world {world.name!r}")
         tell_named(world, CODE, warnings)
-        shown_images.tell_animated(world.node_tree, world.name, CODE, warnings)
+        shown_images.tell_animated(world.node_tree, world.name, CODE, shown_images.FIRST, warnings)
         wanted = size or world_render.fine_map(world)
         if elsewhere is not None and not elsewhere.knows(world):
             elsewhere = None
@@ -145,9 +145,9 @@ def _constant(world: Any, warnings: Warnings) -> Any:
             return np.zeros(3, np.float32)
         if source.node.bl_idname != "ShaderNodeBackground":
             return None
-        colour, strength = (reader.constant(source.node.inputs[name]) for name in ("Color", "Strength"))
-    if strength is not None and not any(strength):
-        return np.zeros(3, np.float32)
-    if colour is None or strength is None:
-        return None
-    return np.array(colour, np.float32) * np.float32(luminance(Colour(strength)))
+        colour, strength = (source.node.inputs[name] for name in ("Color", "Strength"))
+        if reader.source(strength) is None and strength.default_value == 0:
+            return np.zeros(3, np.float32)
+        if reader.source(colour) is not None or reader.source(strength) is not None:
+            return None
+        return np.array(colour.default_value[:3], np.float32) * np.float32(strength.default_value)

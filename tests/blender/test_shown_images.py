@@ -49,6 +49,37 @@ def test_a_missing_image_behind_other_nodes_is_an_error_too(build):
     assert export([]) is not None
 
 
+def test_a_file_that_is_no_image_is_an_error_too(build, tmp_path):
+    path = tmp_path / "brick.png"
+    path.write_text("no image")
+    image = missing_image()
+    image.filepath = str(path)
+    image.reload()
+    build.sun()
+    material = build.textured("Brick", image)
+    texture = build.shader(material).inputs["Base Color"].links[0].from_node
+    texture.projection = "BOX"
+    build.mesh("Wall", material=material)
+    with pytest.raises(SceneError, match=r"material 'Brick': image 'brick.png' can't be read from .*: restore"):
+        export([])
+
+
+def test_a_world_tells_which_frame_of_a_sequence_it_shows(build, tmp_path):
+    picture = build.image("Frame", np.full((4, 4, 4), 1.0))
+    picture.filepath_raw, picture.file_format = str(tmp_path / "frame_0001.png"), "PNG"
+    picture.save()
+    world = build.world((1, 1, 1))
+    background = next(node for node in world.node_tree.nodes if node.bl_idname == "ShaderNodeBackground")
+    texture = world.node_tree.nodes.new("ShaderNodeTexEnvironment")
+    texture.image = bpy.data.images.load(picture.filepath_raw)
+    texture.image.source = "SEQUENCE"
+    world.node_tree.links.new(texture.outputs[0], background.inputs["Color"])
+    warnings: list[dict[str, Any]] = []
+    read_world(world, warnings)
+    (warning,) = warnings
+    assert "is a sequence: what it shows in the scene's frame 1 is baked" in warning["message"]
+
+
 def test_a_missing_image_of_a_world_is_an_error(build):
     world = build.world((1, 1, 1))
     tree = world.node_tree
