@@ -209,9 +209,9 @@ def _rewritten(tree: Any, change: Callable[[Any, Any], None]) -> list[Any]:
 
 def _drop_muted(tree: Any) -> None:
     """Take away the links that pass nothing on: what they lead to has its own value."""
-    for link in list(tree.links):
-        if feeding(link.to_socket) is None:
-            tree.links.remove(link)
+    # All are found before any is gone: which input a muted node hands on depends on its links.
+    for link in [link for link in tree.links if feeding(link.to_socket) is None]:
+        tree.links.remove(link)
 
 
 def _show_node(tree: Any, node: Any, part: str, random: float, named: Named) -> None:

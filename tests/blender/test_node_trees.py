@@ -122,6 +122,22 @@ def test_a_muted_emission_does_not_shine(colour):
     assert np.allclose(scene.reflectance, OWN)
 
 
+def test_a_muted_mix_of_shaders_hands_its_first_on(colour):
+    # The first one's link is muted: nothing is handed on, and what a gamma makes of .25, its square root, is left.
+    tree = colour.id_data
+    gamma, mix, add, other = (tree.nodes.new(f"ShaderNode{kind}") for kind in (
+        "Gamma", "MixShader", "AddShader", "BsdfDiffuse"))
+    gamma.inputs["Color"].default_value, gamma.inputs["Gamma"].default_value = (0.25, 0.25, 0.25, 1), 0.5
+    mix.mute = True
+    tree.links.new(gamma.outputs[0], colour)
+    tree.links.new(other.outputs[0], mix.inputs[1]).is_muted = True
+    tree.links.new(other.outputs[0], mix.inputs[2])
+    for source, socket in ((mix.outputs[0], add.inputs[0]), (colour.node.outputs[0], add.inputs[1]),
+                           (add.outputs[0], tree.get_output_node("CYCLES").inputs["Surface"])):
+        tree.links.new(source, socket)
+    assert np.allclose(export().reflectance, 0.5, atol=1e-5)
+
+
 @pytest.mark.parametrize("what", ["node", "link"])
 def test_a_muted_background_gives_no_light(build, what):
     tree = build.world((1, 1, 1)).node_tree
