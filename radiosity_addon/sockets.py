@@ -251,11 +251,16 @@ class Reader:
         return np.column_stack([linear, offset])
 
 
+def is_live(link: Any) -> bool:
+    """Whether a link passes anything on."""
+    return bool(link.is_valid and not link.is_muted and link.from_socket.enabled and link.to_socket.enabled)
+
+
 def feeding(socket: Any) -> Any:
     """The output that feeds an input in its own tree, through reroutes and past what is muted; None if nothing does."""
     for _ in range(LONGEST_CHAIN):
-        link = next((link for link in socket.links
-                     if link.is_valid and not link.is_muted and link.from_socket.enabled), None)
+        # Blender looks for a socket's links among all of the tree's.
+        link = next(filter(is_live, socket.links), None) if socket.is_linked else None
         if link is None:
             return None
         node = link.from_node
