@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import difflib
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Sequence, Set
 from typing import Any
 
 import bpy
@@ -21,10 +21,12 @@ from .warn import Warnings, warn
 
 # Of one object no more than so many generated instances become meshes: grass is not baked blade by blade.
 MOST_GENERATED = 256
+# What to do about what has no mesh of its own.
+CONVERT = "convert it to a mesh (Object > Convert), or let a bake do so (--apply-modifiers)"
 
 
 def choose_receivers(shown: Sequence[Shown], settings: Settings, warnings: Warnings,
-                     convert: bool = False) -> tuple[Binding, ...]:
+                     convert: bool = False, carriers: Set[str] = frozenset()) -> tuple[Binding, ...]:
     """One binding a shown mesh, in the same order.
 
     Parameters
@@ -32,6 +34,7 @@ def choose_receivers(shown: Sequence[Shown], settings: Settings, warnings: Warni
     shown, settings : what there is, and what to bake.
     warnings : gets what is not baked, and why.
     convert : whether what has no mesh of its own will be given one (see `conversion`), so that it can be baked.
+    carriers : names of objects that show more than meshes of their own (see there), which would vanish by that.
 
     Raises
     ------
@@ -44,7 +47,7 @@ def choose_receivers(shown: Sequence[Shown], settings: Settings, warnings: Warni
     """
     _check_names(shown, settings.only)
     generated = Counter(item.original.name for item in shown if not item.own_mesh)
-    bindings = tuple(_bind(item, settings, warnings, convert and generated[item.original.name] <= MOST_GENERATED)
+    bindings = tuple(_bind(item, settings, warnings, _no_conversion(item, convert, generated, carriers))
                      for item in shown)
     if not any(binding.receives for binding in bindings):
         raise NothingToBake("no object can receive light: see the warnings above, or name others with --only")
@@ -56,7 +59,23 @@ def names_of(item: Shown) -> set[str]:
     return {item.name, item.original.name, *([item.instancer] if item.instancer else [])}
 
 
-def _bind(item: Shown, settings: Settings, warnings: Warnings, convert: bool) -> Binding:
+def _no_conversion(item: Shown, convert: bool, generated: Counter[str], carriers: Set[str]) -> str:
+    """What to do about a mesh that was made on the way and will be given no object; "" if it will, or has one."""
+    name = item.original.name
+    if item.own_mesh:
+        return ""
+    if not convert:
+        return CONVERT
+    if generated[name] > MOST_GENERATED:
+        return (f"of one object a bake converts no more than {MOST_GENERATED} meshes, and it makes {generated[name]}: "
+                "join them (Realize Instances in the nodes)")
+    if name in carriers:
+        return ("a bake can't convert it, as it shows other objects or hair too, which would vanish: make the "
+                "instances real (Object > Apply > Make Instances Real)")
+    return ""
+
+
+def _bind(item: Shown, settings: Settings, warnings: Warnings, no_conversion: str) -> Binding:
     named = bool(settings.only) and not names_of(item).isdisjoint(settings.only)
     wanted = named or not settings.only
     linked = item.original.library is not None or (item.own_mesh and item.original.data.library is not None)
@@ -65,7 +84,7 @@ def _bind(item: Shown, settings: Settings, warnings: Warnings, convert: bool) ->
         raise SceneError(f"object {item.name!r} is excluded from bakes: untick Exclude in its object properties "
                          "(Radiosity Lightmaps), or don't name it")
     wanted = wanted and not excluded
-    obstacle = _obstacle(item, settings, linked, convert) if wanted else ""
+    obstacle = _obstacle(item, settings, linked, no_conversion) if wanted else ""
     if obstacle and named:
         raise SceneError(f"object {item.name!r} {obstacle}")
     if obstacle:
@@ -79,7 +98,7 @@ def _bind(item: Shown, settings: Settings, warnings: Warnings, convert: bool) ->
                    len(item.mesh.loops), linked)
 
 
-def _obstacle(item: Shown, settings: Settings, linked: bool, convert: bool) -> str:
+def _obstacle(item: Shown, settings: Settings, linked: bool, no_conversion: str) -> str:
     """Why a mesh can't be baked, with what to do; "" if it can.
 
     Raises
@@ -93,10 +112,9 @@ def _obstacle(item: Shown, settings: Settings, linked: bool, convert: bool) -> s
         raise SceneError(f"object {item.original.name!r} is in Edit Mode: leave it (Tab) and bake again")
     uses_own_uv = settings.target == "lightmap" and settings.uv_layer is not None
     has_uv = uses_own_uv and settings.uv_layer in item.mesh.uv_layers
-    if not item.own_mesh and not has_uv and not (convert and not linked and not uses_own_uv):
+    if not item.own_mesh and not has_uv and (no_conversion or linked or uses_own_uv):
         kind = "geometry nodes" if item.original.type == "MESH" else f"a {item.original.type.lower()}"
-        return (f"is made by {kind} and has no mesh that could hold the result: convert it to a mesh (Object > "
-                "Convert), or let a bake do so (--apply-modifiers)")
+        return f"is made by {kind} and has no mesh that could hold the result: {no_conversion or CONVERT}"
     if uses_own_uv and not has_uv:
         layers = ", ".join(repr(layer.name) for layer in item.mesh.uv_layers) or "none"
         raise SettingsError(f"object {item.name!r} has no UV map {settings.uv_layer!r} (it has {layers}): "

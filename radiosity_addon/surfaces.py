@@ -16,7 +16,7 @@ from .linking import Linking
 from .parts import ENDLESS, Parts
 from .receiving import choose_receivers
 from .render_walk import Clock, walk
-from .visible import rendered_meshes
+from .visible import carriers, rendered_meshes
 from .warn import Warnings
 
 
@@ -68,7 +68,8 @@ class _Reader:
             raise NothingToBake("a render of the scene shows no mesh with faces: add one, or make it visible in "
                                 "renders")
         if first:
-            self.bindings = choose_receivers(shown, self._settings, self._warnings, self._convert)
+            self.bindings = choose_receivers(shown, self._settings, self._warnings, self._convert,
+                                             carriers(depsgraph) if self._convert else frozenset())
             linking = Linking(depsgraph, shown)
             self._assembly = Assembly(self._settings, linking, self._warnings)
             self.lamps = export_lights(depsgraph, linking, self._warnings, self._emissions)

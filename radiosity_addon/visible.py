@@ -13,6 +13,8 @@ from ..solver.errors import SceneError
 from .object_random import random_of
 from .warn import Warnings, warn
 
+# What `persistent_id` is filled up with.
+NO_STEP = 2**31 - 1
 
 @dataclass(frozen=True, eq=False)
 class Shown:
@@ -94,3 +96,27 @@ def shown_meshes(depsgraph: Any, warnings: Warnings) -> list[Shown]:
         shown.append(Shown(name, original, instancer, parent, layer, item.data, matrix, materials,
                            random_of(instance), not made_on_the_way))
     return shown
+
+
+def carriers(depsgraph: Any) -> set[str]:
+    """Names of the objects that show more than meshes of their own: others, lamps or hair, on points, faces, particles.
+
+    Without its modifiers an object shows none of that.
+    """
+    found: set[str] = set()
+    # Original objects by whose instances they are, and by which: `persistent_id` is a path, the innermost step first.
+    known: dict[tuple[Any, tuple[int, ...]], Any] = {}
+    for instance in depsgraph.object_instances:
+        item, original = instance.object, instance.object.original
+        if original.particle_systems:
+            found.add(original.name)
+        if not instance.is_instance or instance.parent is None:
+            continue
+        parent = instance.parent.original
+        path = tuple(step for step in instance.persistent_id if step != NO_STEP)
+        makers = [parent, *(known[parent, path[depth:]] for depth in range(1, len(path))
+                            if (parent, path[depth:]) in known)]
+        found.update(maker.name for maker in makers
+                     if item.type != "EMPTY" and (maker != original or item.type != "MESH"))
+        known[parent, path] = original
+    return found

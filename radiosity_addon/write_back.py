@@ -160,7 +160,9 @@ def _store(exported: Exported, bake: Bake, request: Request, scene: Any, view_la
                  if binding.receives and (bake.corner_colours is not None or bake.page_of_surface[index] >= 0)]
     if uv_layer is not None:
         return {binding.surface: uv_layer for _, binding in receivers}
-    blocked = [binding for _, binding in receivers if not binding.same_topology]
+    # Generated meshes that were not converted would vanish with the modifiers.
+    making = {binding.object for binding in exported.bindings if not binding.mesh}
+    blocked = [binding for _, binding in receivers if not binding.same_topology and binding.object not in making]
     applied: set[str] = set()
     if blocked and request.apply_modifiers:
         applied = apply_modifiers(scene, view_layer, blocked, warnings)
@@ -168,7 +170,7 @@ def _store(exported: Exported, bake: Bake, request: Request, scene: Any, view_la
     stored: dict[str, str] = {}
     done: dict[str, str] = {}
     for index, binding in receivers:
-        mesh = _mesh_of(binding, applied, warnings)
+        mesh = _mesh_of(binding, applied, request.apply_modifiers, warnings)
         if mesh is None:
             continue
         surface = exported.scene.surfaces[index]
@@ -187,17 +189,20 @@ def _store(exported: Exported, bake: Bake, request: Request, scene: Any, view_la
     return stored
 
 
-def _mesh_of(binding: Binding, applied: set[str], warnings: Warnings) -> Any:
-    """The mesh that takes a surface's results, or None with a warning."""
+def _mesh_of(binding: Binding, applied: set[str], apply: bool, warnings: Warnings) -> Any:
+    """The mesh that takes a surface's results, or None with a warning; `apply` if modifiers were to be applied."""
     item = bpy.data.objects.get(binding.object)
     if item is None or item.type != "MESH":
         warn(warnings, binding.surface, "not_stored", "was deleted or renamed during the bake: bake again")
         return None
     if not binding.same_topology and binding.object not in applied:
         names = ", ".join(modifier.name for modifier in item.modifiers) or "shape"
+        advice = ("they show instances or hair too, which would vanish if a bake applied them, so make the instances "
+                  "real first (Object > Apply > Make Instances Real)" if apply
+                  else "apply them (--apply-modifiers does)")
         warn(warnings, binding.surface, "not_stored",
-             f"its modifiers ({names}) make other corners than its mesh has, so the mesh can't hold the result: apply "
-             "them (--apply-modifiers does), or bake with a UV map of your own (--uv-layer)")
+             f"its modifiers ({names}) make other corners than its mesh has, so the mesh can't hold the result: "
+             f"{advice}, or bake with a UV map of your own (--uv-layer)")
         return None
     if len(item.data.loops) != binding.corner_count:
         warn(warnings, binding.surface, "not_stored",

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections import Counter
 from pathlib import Path
 from typing import Any
 
@@ -31,6 +32,13 @@ def baked(report: dict[str, Any]) -> list[str]:
 
 def told(report: dict[str, Any], code: str) -> list[str]:
     return sorted(entry["object"] for entry in report["warnings"] if entry["code"] == code)
+
+
+def shown() -> Counter[str]:
+    """How often what is shown, by name."""
+    bpy.context.view_layer.update()
+    return Counter(instance.object.original.name for instance in bpy.context.evaluated_depsgraph_get().object_instances
+                   if instance.object.type in {"MESH", "LIGHT"} and instance.show_self)
 
 
 def light_at(item: Any, point: tuple[float, float, float]) -> float:
@@ -204,6 +212,87 @@ def test_realised_instances_are_a_mesh(stage, tmp_path):
     assert baked(bake(tmp_path, convert=True)) == ["Field"]
     for x, y in ((0, 0), (4, 0), (4, 4), (0, 4)):
         assert light_at(field, (x + 0.1, y + 0.2, 0)) == pytest.approx(SUN, rel=0.01)
+
+
+def _subdivided_with(put_on: Any) -> Any:
+    """A tree that subdivides the mesh, and puts on its corners what `put_on(tree)` returns: it takes other corners."""
+
+    def tree(nodes: Any, geometry: Any) -> Any:
+        cut, put, join = (nodes.nodes.new(f"GeometryNode{kind}")
+                          for kind in ("SubdivideMesh", "InstanceOnPoints", "JoinGeometry"))
+        nodes.links.new(geometry, cut.inputs["Mesh"])
+        nodes.links.new(cut.outputs[0], put.inputs["Points"])
+        nodes.links.new(put_on(nodes), put.inputs["Instance"])
+        for output in (cut.outputs[0], put.outputs[0]):
+            nodes.links.new(output, join.inputs[0])
+        return join.outputs[0]
+
+    return tree
+
+
+def _object_node(nodes: Any, item: Any) -> Any:
+    """The output of a node that gives an object as an instance."""
+    node = nodes.nodes.new("GeometryNodeObjectInfo")
+    node.inputs["Object"].default_value, node.inputs["As Instance"].default_value = item, True
+    return node.outputs["Geometry"]
+
+
+def _small_grid(nodes: Any) -> Any:
+    return nodes.nodes.new("GeometryNodeMeshGrid").outputs[0]
+
+
+def _with_particles(field: Any, item: Any) -> None:
+    """Subdivide a mesh, and put an object on ten particles of it."""
+    field.modifiers.new("Subdivision", "SUBSURF").subdivision_type = "SIMPLE"
+    field.modifiers.new("Particles", "PARTICLE_SYSTEM")
+    settings = field.particle_systems[0].settings
+    settings.type, settings.count, settings.render_type, settings.instance_object = "HAIR", 10, "OBJECT", item
+    settings.particle_size = settings.hair_length = 1
+
+
+SCATTERED = {
+    "objects": lambda field, item: _nodes(field, _subdivided_with(lambda nodes: _object_node(nodes, item))),
+    "particles": _with_particles,
+    "many meshes": lambda field, item: _nodes(field, _subdivided_with(_small_grid)),
+}
+
+
+@pytest.mark.parametrize(("scatter", "what"), [
+    ("objects", "mesh"), ("objects", "lamp"), ("particles", "mesh"), ("many meshes", "mesh")])
+def test_scattered_objects_stay_though_modifiers_were_to_be_applied(stage, tmp_path, monkeypatch, scatter, what):
+    # A ground with more corners than its own mesh and objects on it, or nine meshes where eight are converted. Exact
+    # answer: all is shown as before, and one warning says why the ground can't hold its result.
+    monkeypatch.setattr("radiosity.radiosity_addon.receiving.MOST_GENERATED", 8)
+    item = stage.mesh("Stone") if what == "mesh" else stage.sun()
+    ground = stage.mesh("Ground", [(0, 0, 0), (4, 0, 0), (4, 4, 0), (0, 4, 0)])
+    SCATTERED[scatter](ground, item)
+    before = shown()
+    assert before.total() >= 12
+    report = bake(tmp_path, convert=True)
+    assert shown() == before
+    assert told(report, "not_stored") == ["Ground"]
+    assert any("would vanish" in entry["message"] for entry in report["warnings"])
+
+
+def test_generated_meshes_beside_scattered_objects_are_not_converted(stage, tmp_path):
+    # A curve that is filled, and with an object on its corners: hidden, it would take the object along. Exact answer:
+    # it is told, and all is shown as before.
+    _nodes(_curve(stage), lambda nodes, geometry: _with_objects(nodes, geometry, stage.mesh("Stone")))
+    before = shown()
+    report = bake(tmp_path, convert=True)
+    assert shown() == before
+    assert told(report, "not_baked") == ["Plate"]
+    assert "Stone" in {name.rpartition(":")[2].partition("#")[0] for name in baked(report)}
+
+
+def _with_objects(nodes: Any, geometry: Any, item: Any) -> Any:
+    """The geometry, and an object on its points."""
+    put, join = nodes.nodes.new("GeometryNodeInstanceOnPoints"), nodes.nodes.new("GeometryNodeJoinGeometry")
+    nodes.links.new(geometry, put.inputs["Points"])
+    nodes.links.new(_object_node(nodes, item), put.inputs["Instance"])
+    for output in (geometry, put.outputs[0]):
+        nodes.links.new(output, join.inputs[0])
+    return join.outputs[0]
 
 
 def _curve(stage: Any) -> Any:
