@@ -13,9 +13,10 @@ from typing import Any
 import bpy
 from mathutils import Matrix
 
-from . import cycles
+from . import cycles, linking
 from .binding import Binding
 from .modifiers import apply_modifiers
+from .stand_in import is_free, stand_in
 from .visible import shown_meshes
 from .warn import Warnings, warn
 
@@ -24,24 +25,34 @@ SHEAR = 1e-4
 
 
 def convert(scene: Any, view_layer: Any, bindings: Sequence[Binding], warnings: Warnings) -> tuple[Binding, ...]:
-    """Make an object of every surface that is baked and has no mesh of its own; the bindings lead there afterwards."""
-    wanted = {binding.surface: binding for binding in bindings
-              if binding.receives and not binding.mesh and not binding.linked}
+    """Make an object of every surface that is baked and has no mesh of its own; the bindings lead there afterwards.
+
+    So does every other surface of the same source, baked or not: the source shows nothing any more.
+    """
+    baked = {binding.object for binding in bindings
+             if binding.receives and not binding.mesh and not binding.linked}
+    wanted = {binding.surface: binding for binding in bindings if binding.object in baked and not binding.mesh}
     if not wanted:
         return tuple(bindings)
     made = cycles.with_render_depsgraph(scene, view_layer, lambda depsgraph: _meshes(depsgraph, set(wanted)))
-    objects = {surface: _place(wanted[surface], mesh, matrix, scene) for surface, (mesh, matrix) in made.items()}
     sources = defaultdict(list)
-    for surface in objects:
+    for surface in made:
         sources[wanted[surface].object].append(surface)
+    told = linking.told()
+    objects: dict[str, Any] = {}
     applied: set[str] = set()
     for name, surfaces in sources.items():
-        own = [binding for binding in bindings if binding.object == name and binding.mesh and not binding.instancer]
+        source = bpy.data.objects[name]
+        homes = _homes(source, scene, is_instanced=any(wanted[surface].instancer for surface in surfaces))
+        for surface in surfaces:
+            objects[surface] = item = _placed(f"{surface} mesh", *made[surface], homes)
+            stand_in(item, source, bpy.data.objects.get(wanted[surface].instancer), told, warnings)
+        own = [binding for binding in bindings if binding.object == name and binding.mesh]
         if own:
             # Its modifiers made them: they would be there twice.
             applied |= apply_modifiers(scene, view_layer, own, warnings)
         else:
-            _hide(bpy.data.objects[name])
+            _hide(source)
         what = f"{len(surfaces)} meshes" if len(surfaces) > 1 else f"mesh {objects[surfaces[0]].name!r}"
         kept = "its modifiers were applied" if own else "it stays, hidden"
         warn(warnings, name, "converted", f"was converted to {what}, so that there is a mesh that can hold the result; "
@@ -64,16 +75,28 @@ def copied(mesh: Any, materials: Sequence[Any]) -> Any:
     return made
 
 
-def _place(binding: Binding, mesh: Any, matrix: Matrix, scene: Any) -> Any:
-    """An object of a mesh, in the collections of what it came from; of an instance of a collection, in the scene's."""
-    item = bpy.data.objects.new(f"{binding.surface} mesh", mesh)
+def _homes(source: Any, scene: Any, *, is_instanced: bool) -> list[Any]:
+    """The collections for what a source becomes: its own, where they can be changed.
+
+    In a collection that is shown by instances too, these would show it once more.
+    """
+    own = [] if is_instanced else source.users_collection
+    free = [each for each in own if is_free(each)]
+    shown = {scene.collection, *scene.collection.children_recursive}
+    return free if len(free) == len(own) and not shown.isdisjoint(free) else [scene.collection, *free]
+
+
+def _placed(name: str, mesh: Any, matrix: Matrix, homes: Sequence[Any]) -> Any:
+    """An object of a mesh in some collections, with `matrix` to world space."""
+    item = bpy.data.objects.new(name, mesh)
     mesh.name = item.name
-    source = () if binding.instancer else bpy.data.objects[binding.object].users_collection
-    for collection in [each for each in source if each.library is None] or [scene.collection]:
+    for collection in homes:
         collection.objects.link(item)
     item.matrix_world = matrix
-    if max(abs(a - b) for row, other in zip(item.matrix_world, matrix, strict=True)
-           for a, b in zip(row, other, strict=True)) > SHEAR * max(abs(value) for row in matrix for value in row):
+    # Its place, rotation and scale alone; `matrix_world` says what it was told until Blender looks again.
+    off = max(abs(a - b) for row, other in zip(item.matrix_basis, matrix, strict=True)
+              for a, b in zip(row, other, strict=True))
+    if off > SHEAR * max(abs(value) for row in matrix for value in row):
         # An object has no shear: the mesh takes it.
         mesh.transform(matrix)
         item.matrix_world = Matrix()

@@ -20,6 +20,8 @@ from ..solver.linking import Links
 from .visible import Shown
 
 INCLUDE = "INCLUDE"
+# Blender's words for the collections of whom a light reaches, and of who stops it.
+WORDS = ("receiver_collection", "blocker_collection")
 
 
 class Linking:
@@ -33,8 +35,7 @@ class Linking:
 
     def __init__(self, depsgraph: Any, shown: Sequence[Shown]) -> None:
         objects = [item.original for item in depsgraph.ids if isinstance(item, bpy.types.Object)]
-        self._receivers = _Masks("receiver_collection", objects, shown)
-        self._blockers = _Masks("blocker_collection", objects, shown)
+        self._receivers, self._blockers = (_Masks(word, objects, shown) for word in WORDS)
         # One object for all lights that are linked alike: the solver takes such emissive meshes together.
         self._links: dict[tuple[Any, Any], Links | None] = {}
 
@@ -74,6 +75,12 @@ class _Masks:
         found = self._states.get(collection, {})
         rest = INCLUDE not in found.values()
         return np.array([found[item] == INCLUDE if item in found else rest for item in self._owners], bool), rest
+
+
+def told() -> dict[Any, dict[Any, str]]:
+    """The `states` of every collection of the file that a light is linked by."""
+    collections = {getattr(item.light_linking, word) for item in bpy.data.objects for word in WORDS} - {None}
+    return {collection: states(collection) for collection in collections}
 
 
 def states(collection: Any) -> dict[Any, str]:

@@ -78,8 +78,9 @@ def shown_meshes(depsgraph: Any, warnings: Warnings) -> list[Shown]:
             continue
         original = item.original
         parent = instance.parent.original if instance.is_instance and instance.parent is not None else None
-        from_curve = original.type != "MESH"
-        made_on_the_way = from_curve or (parent is not None and parent == original)
+        # What nodes make goes by its maker's name, with other data.
+        made_on_the_way = original.type != "MESH" or (parent is not None
+                                                      and item.data != instance.instance_object.data)
         instancer = parent.name if parent is not None and parent != original else ""
         name = f"{instancer}:{original.name}" if instancer else original.name
         names[name] += 1

@@ -357,6 +357,7 @@ def test_a_sheared_instance_keeps_its_shape(stage, tmp_path):
              for instance in bpy.context.evaluated_depsgraph_get().object_instances if instance.is_instance]
     before = set(bpy.data.objects)
     bake(tmp_path, convert=True)
+    bpy.context.view_layer.update()
     corners = np.array([item.matrix_world @ vertex.co for item in bpy.data.objects if item not in before
                         for vertex in item.data.vertices])
     for corner in shown:
