@@ -14,7 +14,7 @@ import contextlib
 import json
 import os
 import shutil
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
@@ -31,6 +31,7 @@ from ..solver.result import Bake, Lightmap
 from ..solver.scene import Surface
 from ..solver.settings import Settings
 from .binding import Binding
+from .converted import Converted
 from .digest import digest
 from .light_groups import Group, Member
 from .names import file_stem
@@ -59,6 +60,7 @@ class Kept:
     settings : of the bake.
     surfaces, bindings : of the exported scene, in the same order.
     bake : the bake without pixels: its pages' and objects' arrays are empty. Its groups' layers are `mixing.Layer`.
+    converted : what was converted to meshes after it, by surface.
     """
 
     folder: Path
@@ -68,6 +70,7 @@ class Kept:
     surfaces: tuple[Surface, ...]
     bindings: tuple[Binding, ...]
     bake: Bake
+    converted: dict[str, Converted]
 
 
 def places(output: Path | None, scene_name: str) -> list[Path]:
@@ -122,8 +125,10 @@ def stage(folder: Path, bake: Bake, groups: Sequence[Group], seen: Survey, setti
     return beside
 
 
-def place(staged: Path, folder: Path) -> None:
+def place(staged: Path, folder: Path, converted: Mapping[str, Converted]) -> None:
     """Put staged groups into their folder, in place of what was kept there.
+
+    converted : what was converted to meshes since they were staged, by surface.
 
     Raises
     ------
@@ -131,6 +136,10 @@ def place(staged: Path, folder: Path) -> None:
         If that can't be done, or if the folder holds something else.
     """
     try:
+        if converted:
+            about = json.loads((staged / ABOUT).read_text(encoding="utf-8"))
+            about["converted"] = {surface: asdict(made) for surface, made in converted.items()}
+            (staged / ABOUT).write_text(json.dumps(about), encoding="utf-8")
         clear(folder)
         os.replace(staged, folder)
     except OSError as cause:
@@ -252,7 +261,8 @@ def _kept(folder: Path, about: dict[str, Any]) -> Kept:
                    for entry in about["groups"])
     settings = Settings(**{**about["settings"], "only": tuple(about["settings"]["only"])})
     bindings = tuple(Binding(**entry) for entry in about["bindings"])
-    return Kept(folder, Survey.of_dict(about["seen"]), groups, settings, tuple(surfaces), bindings, bake)
+    converted = {surface: Converted(**made) for surface, made in about.get("converted", {}).items()}
+    return Kept(folder, Survey.of_dict(about["seen"]), groups, settings, tuple(surfaces), bindings, bake, converted)
 
 
 def _stack(path: Path, scales: Sequence[float]) -> Stack:

@@ -113,9 +113,14 @@ def _hide(source: Any) -> None:
         item.hide_render = item.hide_viewport = True
 
 
+def bound_to(binding: Binding, item: Any) -> Binding:
+    """The binding of a surface that has become a mesh object of its own."""
+    return replace(binding, object=item.name, instancer="", mesh=item.data.name, same_topology=True,
+                   layout=f"object {item.name}")
+
+
 def _rebound(binding: Binding, objects: dict[str, Any], applied: set[str]) -> Binding:
     item = objects.get(binding.surface)
     if item is not None:
-        return replace(binding, object=item.name, instancer="", mesh=item.data.name, same_topology=True,
-                       layout=f"object {item.name}")
+        return bound_to(binding, item)
     return replace(binding, same_topology=True) if binding.object in applied else binding

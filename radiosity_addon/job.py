@@ -159,9 +159,10 @@ class Job:
         with self._timed("write"):
             scene, layer = self._place()
             self._add_solver_warnings()
-            outputs = yield from write_back(self._exported, self._bake, self._staged, self.request, scene, layer,
-                                            self.warnings)
-            self._groups.place(self._staged_groups)
+            outputs, bindings = yield from write_back(self._exported, self._bake, self._staged, self.request, scene,
+                                                      layer, self.warnings)
+            made = yield from self._groups.converted(self._exported.bindings, bindings, scene, layer)
+            self._groups.place(self._staged_groups, made)
             yield
             if self.request.save is not None:
                 blend_file.save_copy(self.request.save)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -10,9 +11,11 @@ from ..solver.groups import LightGroup
 from ..solver.result import Bake
 from ..solver.scene import Scene
 from . import cache
+from .binding import Binding
+from .converted import Converted, converted
 from .export import Exported
 from .light_groups import Group, make_groups
-from .parts import Parts
+from .parts import WINDOW_PART, Parts
 from .request import Request
 from .survey import Survey, survey_parts
 
@@ -65,8 +68,16 @@ class KeptGroups:
         return cache.stage(self.folders[0], bake, self.groups, self.seen, request.settings, exported.scene.surfaces,
                            exported.bindings, exported.materials)
 
-    def place(self, staged: Path | None) -> None:
-        """Put it there. Without groups what an earlier bake kept there goes: its light belongs to other images.
+    def converted(self, before: Sequence[Binding], after: Sequence[Binding], scene: Any,
+                  view_layer: Any) -> Parts[dict[str, Converted]]:
+        """What a relight must know of surfaces that were converted to meshes, by surface."""
+        if self.seen is None or before == after:
+            return {}
+        return converted(before, after, (yield from survey_parts(scene, view_layer, WINDOW_PART)))
+
+    def place(self, staged: Path | None, made: Mapping[str, Converted]) -> None:
+        """Put it there, with what was converted. Without groups what an earlier bake kept there goes: its light belongs
+        to other images.
 
         Raises
         ------
@@ -76,4 +87,4 @@ class KeptGroups:
         for folder in self.folders:
             cache.clear(folder)
         if staged is not None:
-            cache.place(staged, self.folders[0])
+            cache.place(staged, self.folders[0], made)

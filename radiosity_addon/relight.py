@@ -16,7 +16,7 @@ import bpy
 import numpy as np
 from numpy.typing import NDArray
 
-from ..solver.errors import SettingsError
+from ..solver.errors import RadiosityError, SettingsError
 from ..solver.relight import relight as solver_relight
 from ..solver.result import Bake
 from ..solver.scene import Scene
@@ -24,6 +24,8 @@ from ..solver.settings import Settings
 from . import blend_file, cache, compat, report
 from .binding import Binding
 from .changes import changes, reflect_otherwise, refuse
+from .conversion import bound_to
+from .converted import Converted, as_before, present
 from .export import Exported, surface_scene_parts
 from .job import Job, Outcome, wait_for
 from .light_groups import Group
@@ -79,6 +81,8 @@ class RelightJob(Job):
         self.given, self.live = given, live
         self.progress.weights = WEIGHTS.copy()
         self._kept: cache.Kept | None = None
+        # What the bake converted to meshes, as far as this file has them, by surface.
+        self._converted: dict[str, Converted] = {}
         # (groups, 3), what each group's layer is multiplied by; and names of materials and objects whose other
         # reflectances are followed, with the scene that has them, if there are any.
         self._factors = np.empty((0, 3))
@@ -100,14 +104,26 @@ class RelightJob(Job):
         scene, layer = self._place()
         with self._timed("check"):
             seen = yield from survey_parts(scene, layer, part_seconds)
+            self._converted = present(kept.converted, seen)
+            seen = as_before(seen, kept.seen, self._converted)
             refuse(changes(kept.seen, seen, kept.groups, follows=kept.bake.paths is not None))
             self._factors = np.array([group.factors(seen) for group in kept.groups])
             self._colours = tuple(reflect_otherwise(kept.seen, seen))
         if self._colours:
             with self._timed("export"):
                 found = yield from surface_scene_parts(scene, layer, kept.settings, part_seconds)
+                self._refuse_other_order(found)
                 self._repainted = replace(found, surfaces=kept.surfaces)
         self.progress("export", 1.0)
+
+    def _refuse_other_order(self, found: Scene) -> None:
+        """Reflectances are followed triangle by triangle, in the order of the bake."""
+        assert self._kept is not None
+        kept = self._kept.surfaces
+        names = {made.object: surface for surface, made in self._converted.items()}
+        if [names.get(item.name, item.name) for item in found.surfaces] != [item.name for item in kept]:
+            raise RadiosityError(f"{', '.join(self._colours)}: other base colors can't be followed, as meshes are in "
+                                 "another order since the bake converted or replaced some: bake again")
 
     def finishing(self) -> Parts[Outcome]:
         """Put the results in their places, an object a part."""
@@ -121,8 +137,8 @@ class RelightJob(Job):
         done = replace(self.request, settings=self._kept.settings)
         with self._timed("write"):
             scene, layer = self._place()
-            outputs = yield from write_back(_exported(self._kept), self._bake, self._staged, done, scene, layer,
-                                            self.warnings)
+            outputs, _ = yield from write_back(_exported(self._kept, self._converted), self._bake, self._staged, done,
+                                               scene, layer, self.warnings)
             if done.save is not None:
                 blend_file.save_copy(done.save)
         full = self._report(outputs)
@@ -189,15 +205,18 @@ def _plain(value: Any) -> Any:
     return list(value) if isinstance(value, tuple) else value
 
 
-def _exported(kept: cache.Kept) -> Exported:
+def _exported(kept: cache.Kept, made: Mapping[str, Converted]) -> Exported:
     """What writing back needs of an export: surfaces with their corners, of triangles without a shape."""
     count = sum(surface.count for surface in kept.surfaces)
     scene = Scene(np.zeros((1, 3)), np.zeros((count, 3), np.int32), surfaces=kept.surfaces)
-    return Exported(scene, tuple(_as_it_is(binding) for binding in kept.bindings), kept.settings)
+    return Exported(scene, tuple(_as_it_is(binding, made.get(binding.surface)) for binding in kept.bindings),
+                    kept.settings)
 
 
-def _as_it_is(binding: Binding) -> Binding:
-    """The bake may have applied the modifiers that stood in the way of storing its result."""
+def _as_it_is(binding: Binding, made: Converted | None) -> Binding:
+    """The bake may have converted the surface, or applied the modifiers that stood in the way of storing its result."""
+    if made is not None:
+        return bound_to(binding, bpy.data.objects[made.object])
     item = bpy.data.objects.get(binding.object)
     if item is None or item.type != "MESH" or item.modifiers or len(item.data.loops) != binding.corner_count:
         return binding

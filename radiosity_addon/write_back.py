@@ -32,7 +32,7 @@ Float = NDArray[np.floating[Any]]
 
 
 def write_back(exported: Exported, bake: Bake, staged: Staged, request: Request, scene: Any, view_layer: Any,
-               warnings: Warnings) -> Parts[list[dict[str, Any]]]:
+               warnings: Warnings) -> Parts[tuple[list[dict[str, Any]], tuple[Binding, ...]]]:
     """Put all results in their places, an object a part.
 
     Parameters
@@ -41,7 +41,7 @@ def write_back(exported: Exported, bake: Bake, staged: Staged, request: Request,
 
     Returns
     -------
-    The report's `outputs`, one entry an object.
+    The report's `outputs`, one entry an object; and where the surfaces are bound now, some of them converted.
 
     Raises
     ------
@@ -58,7 +58,7 @@ def write_back(exported: Exported, bake: Bake, staged: Staged, request: Request,
         yield
     scene.radiosity_view.rows.clear()
     preview.refresh()
-    return outputs
+    return outputs, exported.bindings
 
 
 def _write(exported: Exported, bake: Bake, staged: Staged, request: Request, scene: Any, view_layer: Any,
@@ -192,8 +192,12 @@ def _store(exported: Exported, bake: Bake, request: Request, scene: Any, view_la
 def _mesh_of(binding: Binding, applied: set[str], apply: bool, warnings: Warnings) -> Any:
     """The mesh that takes a surface's results, or None with a warning; `apply` if modifiers were to be applied."""
     item = bpy.data.objects.get(binding.object)
-    if item is None or item.type != "MESH":
+    if item is None or (item.type != "MESH" and binding.mesh):
         warn(warnings, binding.surface, "not_stored", "was deleted or renamed during the bake: bake again")
+        return None
+    if not binding.mesh:
+        warn(warnings, binding.surface, "not_stored",
+             "has no mesh that could hold the result: let it be converted (--apply-modifiers)")
         return None
     if not binding.same_topology and binding.object not in applied:
         names = ", ".join(modifier.name for modifier in item.modifiers) or "shape"
