@@ -67,8 +67,10 @@ def _no_conversion(item: Shown, convert: bool, generated: Counter[str], carriers
     if not convert:
         return CONVERT
     if generated[name] > MOST_GENERATED:
+        advice = ("join them (Realize Instances in the nodes)" if item.original.type == "MESH" else
+                  "convert it to a mesh (Object > Convert)")
         return (f"of one object a bake converts no more than {MOST_GENERATED} meshes, and it makes {generated[name]}: "
-                "join them (Realize Instances in the nodes)")
+                f"{advice}")
     if name in carriers:
         return ("a bake can't convert it, as it shows other objects or hair too, which would vanish: make the "
                 "instances real (Object > Apply > Make Instances Real)")
