@@ -34,6 +34,9 @@ FEW_RECEIVERS = 2**17
 # Shadow rays to a lamp from a cell, at least and at most. All receivers read the same cells: what these err by is no
 # noise to the gather, and no more of its rays help.
 CELL_SAMPLES = (4, 16)
+# Of many receivers those close by a cell see little else, and show how it errs. Shadow rays grow with the root of
+# their number, as cells do, so that they stay the same part of a bake; so many times at most.
+MORE_SAMPLES = 8
 
 # Lumels that are audited.
 AUDIT_LUMELS = 384
@@ -103,7 +106,8 @@ def plan(error: float, distance: float, bounced: float, receivers: int, glowing:
         cell_size=CELL_SHARE * distance * float(coarser),
         row_rays=(int(max(2**20 * finer, ROW_SHARE * receivers * gather)), int(np.clip(48 * finer, 32, 128))),
         gather_rays=gather,
-        cell_samples=int(2 ** np.clip(np.round(np.log2(8 * 0.03 / error * share)), *np.log2(CELL_SAMPLES))),
+        cell_samples=int(2 ** np.clip(np.round(np.log2(8 * 0.03 / error * share)), *np.log2(CELL_SAMPLES))
+                         * 2 ** np.round(np.log2(np.clip(count**0.5, 1, MORE_SAMPLES)))),
         gather_error=0.7 * error,
         direct_error=0.2 * error,
         patch_error=0.3 * error,

@@ -239,10 +239,11 @@ class Scene:
     @cached_property
     def origin(self) -> Float:
         """(3,) float64: the point that the solver moves to zero, so that float32 keeps its digits: the median of the
-        objects', since one that is far away must not take them from all others."""
-        places = [np.median(self.vertices[self.triangles[surface.triangles]].reshape(-1, 3), axis=0)
-                  for surface in self.surfaces if surface.count]
-        return np.median(places, axis=0) if places else np.zeros(3)
+        objects' middles, since one that is far away must not take them from all others."""
+        corners = (self.vertices[self.triangles[surface.triangles]].reshape(-1, 3)
+                   for surface in self.surfaces if surface.count)
+        middles = [(own.min(axis=0) + own.max(axis=0)) / 2 for own in corners]
+        return np.sort(middles, axis=0)[(len(middles) - 1) // 2] if middles else np.zeros(3)
 
 
 def surface_of_triangle(scene: Scene) -> NDArray[np.int32]:

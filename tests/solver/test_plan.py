@@ -72,3 +72,8 @@ def test_cells_ask_lamps_with_more_rays_where_less_error_is_wanted():
     # 8 rays at 3 %, in proportion to one over the error, to a power of two, from 4 to 16.
     assert [plan(error, 1.0, 0.5, 1000).cell_samples for error in (0.3, 0.1, 0.03, 0.02, 0.01, 0.003)] == [
         4, 4, 8, 16, 16, 16]
+
+
+def test_cells_ask_lamps_with_more_rays_where_many_receivers_show_how_they_err():
+    # In proportion to the root of their number over 25,000, to a power of two, up to 8 times as many.
+    assert [plan(0.03, 1.0, 0.5, count).cell_samples for count in (25_000, 100_000, 400_000, 10**8)] == [8, 16, 32, 64]
