@@ -19,6 +19,7 @@ from .knobs import knobs_of, rest_of
 from .relight import RelightJob, relight
 from .relight_request import kept_in, relight_request
 from .slots import own_materials
+from .world import rendered_world
 
 # Seconds without a change until the images are updated: a slider that is being dragged does not wait for them.
 PAUSE = 0.3
@@ -87,7 +88,7 @@ def lights_of(scene: Any) -> str:
         colours = [rest_of(material) for material in own]
         colours += [(item.name, [getattr(material, "name_full", "") for material in own_materials(item)])
                     for item in scene.objects]
-    return digest(lamps, hidden, materials, knobs_of(scene.world), colours)
+    return digest(lamps, hidden, materials, knobs_of(rendered_world(scene, scene.view_layers[0])), colours)
 
 
 def update() -> float | None:

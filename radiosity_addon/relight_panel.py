@@ -12,6 +12,7 @@ from . import cache, compat, live_relight
 from .digest import LIGHT_INPUTS
 from .light_groups import Group
 from .relight_request import kept_in
+from .world import rendered_world
 
 # Lights that the panel shows; more are counted.
 MOST_LIGHTS = 24
@@ -104,7 +105,7 @@ def _draw_light(layout: Any, scene: Any, kind: str, name: str) -> None:
         box.prop(item.data, "color")
         box.prop(item, "hide_render", text="Off")
     else:
-        block = scene.world if kind == "world" else bpy.data.materials.get(name)
+        block = rendered_world(scene, scene.view_layers[0]) if kind == "world" else bpy.data.materials.get(name)
         if block is None:
             return
         box = _box(layout, block.name, "WORLD" if kind == "world" else "MATERIAL")

@@ -64,7 +64,8 @@ class Sky:
     ----------
     radiance : (3,) for a constant sky, or (height, width, 3) for an equirectangular map, W / (m2 sr). Row 0 looks
         straight down (-z); a direction (x, y, z) is found at column (.5 - atan2(y, x) / (2 pi)) * width and row
-        (1 - acos(z) / pi) * height, so that the middle column looks along +x, as Blender's environment maps do.
+        (1 - acos(z) / pi) * height, so that the middle column looks along +x, as Blender's environment maps do. Of a
+        small bright spot, as a sun, rays find little by chance: `solver.sky_lamps.peel` makes lamps of such.
     """
 
     radiance: Float = field(default_factory=lambda: np.zeros(3, np.float32))
