@@ -57,10 +57,10 @@ class Claims:
         """Whether a file is ours, and of this .blend: one that it shows, or that no other one baked."""
         if not is_our_file(path):
             return False
-        theirs = _baked_by(path)
         # What the .blend showed that this bake's takes the place of, nobody shows any more.
         if place_of(path) in self._own or _is_same(_told(path, SAVED), self._save):
             return True
+        theirs = _baked_by(path)
         if theirs is not None:
             self.others[path.name] = theirs.name
             return False

@@ -16,6 +16,7 @@ from .warn import Warnings, warn
 # What `persistent_id` is filled up with.
 NO_STEP = 2**31 - 1
 
+
 @dataclass(frozen=True, eq=False)
 class Shown:
     """One mesh at one place. Its references are valid only while the dependency graph is.

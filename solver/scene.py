@@ -256,7 +256,7 @@ def surface_of_triangle(scene: Scene) -> NDArray[np.int32]:
 
 
 def _per_triangle(name: str, value: ArrayLike, count: int) -> Float:
-    array = _array(name, value, np.float32)
+    array = _array(name, value, np.float32, copy=False)
     if array.shape == (count,) and count != 3:
         array = array[:, None]
     try:
@@ -270,7 +270,7 @@ def _per_triangle(name: str, value: ArrayLike, count: int) -> Float:
 
 def _each(name: str, value: ArrayLike, dtype: Any, count: int) -> Any:
     """(count,) of a value for all or one for each."""
-    array = _array(name, value, dtype)
+    array = _array(name, value, dtype, copy=False)
     if array.shape not in ((), (1,), (count,)):
         raise SceneError(f"{name} has shape {array.shape}: give a value for all, or ({count},)")
     return np.array(np.broadcast_to(array, (count,)))

@@ -10,6 +10,7 @@ import bpy
 import numpy as np
 import pytest
 from radiosity.radiosity_addon import compat
+from radiosity.radiosity_addon.export import export_scene
 from radiosity.radiosity_addon.lamp_nodes import read_emissions
 from radiosity.radiosity_addon.lights import export_lights, lamp_data
 from radiosity.radiosity_addon.linking import Linking
@@ -21,6 +22,7 @@ from radiosity.solver.parallel import Run
 from radiosity.solver.receivers import Receivers
 from radiosity.solver.sampling import kronecker, shifts
 from radiosity.solver.scene import Scene
+from radiosity.solver.settings import Settings
 
 SIDE = 8
 # Cycles' mean over a receiver's lumels is then within .1 % in the open and .4 % in the shade.
@@ -204,6 +206,12 @@ def assert_agree(lights):
         assert deviation.max() < 0.03
     if not np.isnan(closed).any():
         assert closed.mean(axis=0) == pytest.approx(mean[0], rel=TOLERANCE)
+
+
+def export(warnings=None):
+    """The whole scene as the solver gets it."""
+    scene, layer = bpy.context.scene, bpy.context.view_layer
+    return export_scene(scene, layer, Settings(), [] if warnings is None else warnings).scene
 
 
 def _export():

@@ -12,12 +12,12 @@ from typing import Any
 import bpy
 import numpy as np
 import pytest
-from radiosity.radiosity_addon.export import export_scene
 from radiosity.solver import irradiance
 from radiosity.solver.geometry import Geometry
 from radiosity.solver.sampling import kronecker
 from radiosity.solver.scene import Scene
 from radiosity.solver.settings import Settings
+from radiosity.tests.blender.stage import export
 
 SIDE = 8
 SAMPLES = 4096
@@ -26,10 +26,6 @@ TOLERANCE = 0.01
 FOOTPRINT = 0.5 if bpy.app.version < (5, 2) else 1.0
 # Mean irradiance of the receiver without a plate, W/m2.
 OPEN = 6.8
-
-
-def export(warnings: list[dict[str, Any]]) -> Scene:
-    return export_scene(bpy.context.scene, bpy.context.view_layer, Settings(), warnings).scene
 
 
 def unwrapped(item: Any) -> Any:

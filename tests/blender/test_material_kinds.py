@@ -12,20 +12,15 @@ from typing import Any
 import bpy
 import numpy as np
 import pytest
-from radiosity.radiosity_addon.export import export_scene
 from radiosity.solver.geometry import Geometry
 from radiosity.solver.scene import Scene
-from radiosity.solver.settings import Settings
+from radiosity.tests.blender.stage import export
 
 SIDE = 24
 GRID = 6
 WIDTH = 1.2
 TOLERANCE = 0.01
 Make = Callable[[Any, Any], Any]
-
-
-def export(warnings: list[dict[str, Any]]) -> Scene:
-    return export_scene(bpy.context.scene, bpy.context.view_layer, Settings(), warnings).scene
 
 
 @pytest.fixture

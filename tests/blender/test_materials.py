@@ -16,10 +16,7 @@ from radiosity.solver import sky
 from radiosity.solver.geometry import Geometry
 from radiosity.solver.scene import Scene
 from radiosity.solver.settings import Settings
-
-
-def export(warnings: list[dict[str, Any]]) -> Scene:
-    return export_scene(bpy.context.scene, bpy.context.view_layer, Settings(), warnings).scene
+from radiosity.tests.blender.stage import export
 
 
 def opaque(value: float, side: int = 4) -> np.ndarray:

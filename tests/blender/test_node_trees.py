@@ -7,17 +7,10 @@ from typing import Any
 import bpy
 import numpy as np
 import pytest
-from radiosity.radiosity_addon.export import export_scene
 from radiosity.radiosity_addon.world import read_world
-from radiosity.solver.scene import Scene
-from radiosity.solver.settings import Settings
-from radiosity.tests.blender.stage import emission_nodes, exported, lamp
+from radiosity.tests.blender.stage import emission_nodes, export, exported, lamp
 
 OWN = 0.8
-
-
-def export() -> Scene:
-    return export_scene(bpy.context.scene, bpy.context.view_layer, Settings(), []).scene
 
 
 @pytest.fixture

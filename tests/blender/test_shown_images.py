@@ -7,17 +7,10 @@ from typing import Any
 import bpy
 import numpy as np
 import pytest
-from radiosity.radiosity_addon.export import export_scene
 from radiosity.radiosity_addon.images import srgb_to_linear
 from radiosity.radiosity_addon.world import read_world
 from radiosity.solver.errors import SceneError
-from radiosity.solver.scene import Scene
-from radiosity.solver.settings import Settings
-from radiosity.tests.blender.stage import emission_nodes
-
-
-def export(warnings: list[dict[str, Any]]) -> Scene:
-    return export_scene(bpy.context.scene, bpy.context.view_layer, Settings(), warnings).scene
+from radiosity.tests.blender.stage import emission_nodes, export
 
 
 def missing_image():
