@@ -237,6 +237,16 @@ def warned():
     return lights, warning["message"]
 
 
+def geometry_nodes(item, build_tree):
+    """A geometry nodes modifier whose tree gives what `build_tree(tree, group input)` returns."""
+    tree = bpy.data.node_groups.new("Geometry", "GeometryNodeTree")
+    tree.interface.new_socket("Geometry", in_out="INPUT", socket_type="NodeSocketGeometry")
+    tree.interface.new_socket("Geometry", in_out="OUTPUT", socket_type="NodeSocketGeometry")
+    start, end = tree.nodes.new("NodeGroupInput"), tree.nodes.new("NodeGroupOutput")
+    tree.links.new(build_tree(tree, start.outputs[0]), end.inputs[0])
+    item.modifiers.new("Nodes", "NODES").node_group = tree
+
+
 def emission_nodes(thing, colour, strength):
     """Give a lamp a tree of one Emission node, and return it."""
     tree = empty_tree(thing.data)

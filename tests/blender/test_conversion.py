@@ -9,6 +9,7 @@ import bpy
 import pytest
 from radiosity.radiosity_addon import linking
 from radiosity.radiosity_addon.blend_file import open_blend, save_copy
+from radiosity.tests.blender.stage import geometry_nodes
 from radiosity.tests.blender.test_geometry import bake, baked, told
 
 
@@ -54,18 +55,19 @@ def instanced(stage: Any, item: Any, *, visible: bool) -> None:
 def scattered(stage: Any) -> Any:
     """A square that nodes cut into four, with a grid on each of its nine corners."""
     ground = stage.mesh("Ground")
-    tree = bpy.data.node_groups.new("Geometry", "GeometryNodeTree")
-    for way in ("INPUT", "OUTPUT"):
-        tree.interface.new_socket("Geometry", in_out=way, socket_type="NodeSocketGeometry")
-    start, cut, grid, put, join, end = (tree.nodes.new(kind) for kind in (
-        "NodeGroupInput", "GeometryNodeSubdivideMesh", "GeometryNodeMeshGrid", "GeometryNodeInstanceOnPoints",
-        "GeometryNodeJoinGeometry", "NodeGroupOutput"))
-    put.inputs["Scale"].default_value = (0.1, 0.2, 0.3)
-    for output, socket in ((start.outputs[0], cut.inputs[0]), (cut.outputs[0], put.inputs["Points"]),
-                           (grid.outputs[0], put.inputs["Instance"]), (put.outputs[0], join.inputs[0]),
-                           (cut.outputs[0], join.inputs[0]), (join.outputs[0], end.inputs[0])):
-        tree.links.new(output, socket)
-    ground.modifiers.new("Nodes", "NODES").node_group = tree
+
+    def build(tree: Any, geometry: Any) -> Any:
+        cut, grid, put, join = (tree.nodes.new(kind) for kind in (
+            "GeometryNodeSubdivideMesh", "GeometryNodeMeshGrid", "GeometryNodeInstanceOnPoints",
+            "GeometryNodeJoinGeometry"))
+        put.inputs["Scale"].default_value = (0.1, 0.2, 0.3)
+        for output, socket in ((geometry, cut.inputs[0]), (cut.outputs[0], put.inputs["Points"]),
+                               (grid.outputs[0], put.inputs["Instance"]), (put.outputs[0], join.inputs[0]),
+                               (cut.outputs[0], join.inputs[0])):
+            tree.links.new(output, socket)
+        return join.outputs[0]
+
+    geometry_nodes(ground, build)
     return ground
 
 

@@ -15,6 +15,7 @@ from radiosity.radiosity_addon.job import run
 from radiosity.radiosity_addon.request import Request
 from radiosity.solver.errors import SceneError
 from radiosity.solver.settings import Settings
+from radiosity.tests.blender.stage import geometry_nodes
 
 SUN = 1 / math.pi
 
@@ -135,16 +136,6 @@ def test_modifiers_are_baked_and_applied_where_that_is_asked_for(stage, tmp_path
     assert light_at(square, (1.4, 0.6, 0)) == pytest.approx(SUN, rel=0.01)
 
 
-def _nodes(item: Any, build_tree: Any) -> None:
-    """A geometry nodes modifier whose tree gives what `build_tree(tree, group input)` returns."""
-    tree = bpy.data.node_groups.new("Geometry", "GeometryNodeTree")
-    tree.interface.new_socket("Geometry", in_out="INPUT", socket_type="NodeSocketGeometry")
-    tree.interface.new_socket("Geometry", in_out="OUTPUT", socket_type="NodeSocketGeometry")
-    start, end = tree.nodes.new("NodeGroupInput"), tree.nodes.new("NodeGroupOutput")
-    tree.links.new(build_tree(tree, start.outputs[0]), end.inputs[0])
-    item.modifiers.new("Nodes", "NODES").node_group = tree
-
-
 def _moved(tree: Any, geometry: Any, offset: tuple[float, float, float]) -> Any:
     node = tree.nodes.new("GeometryNodeTransform")
     node.inputs["Translation"].default_value = offset
@@ -162,7 +153,7 @@ def test_a_mesh_from_geometry_nodes_is_baked_and_applied(stage, tmp_path):
         nodes.links.new(geometry, join.inputs[0])
         return join.outputs[0]
 
-    _nodes(square, tree)
+    geometry_nodes(square, tree)
     report = bake(tmp_path, convert=True)
     assert baked(report) == ["Square"]
     assert light_at(square, (0.4, 0.6, 0)) == pytest.approx(SUN, rel=0.01)
@@ -183,7 +174,7 @@ def test_instances_from_geometry_nodes_become_objects_where_that_is_asked_for(st
     points = [(0, 0, 0), (4, 0, 0), (4, 4, 0), (0, 4, 0)]
     field = stage.mesh("Field", points)
     stage.mesh("Square").location.x = -5
-    _nodes(field, _instances)
+    geometry_nodes(field, _instances)
     assert told(bake(tmp_path), "not_baked") == ["Field"]
     before = set(bpy.data.objects)
     report = bake(tmp_path, convert=True)
@@ -208,7 +199,7 @@ def test_realised_instances_are_a_mesh(stage, tmp_path):
         nodes.links.new(_instances(nodes, geometry), real.inputs[0])
         return real.outputs[0]
 
-    _nodes(field, tree)
+    geometry_nodes(field, tree)
     assert baked(bake(tmp_path, convert=True)) == ["Field"]
     for x, y in ((0, 0), (4, 0), (4, 4), (0, 4)):
         assert light_at(field, (x + 0.1, y + 0.2, 0)) == pytest.approx(SUN, rel=0.01)
@@ -251,9 +242,9 @@ def _with_particles(field: Any, item: Any) -> None:
 
 
 SCATTERED = {
-    "objects": lambda field, item: _nodes(field, _subdivided_with(lambda nodes: _object_node(nodes, item))),
+    "objects": lambda field, item: geometry_nodes(field, _subdivided_with(lambda nodes: _object_node(nodes, item))),
     "particles": _with_particles,
-    "many meshes": lambda field, item: _nodes(field, _subdivided_with(_small_grid)),
+    "many meshes": lambda field, item: geometry_nodes(field, _subdivided_with(_small_grid)),
 }
 
 
@@ -277,7 +268,7 @@ def test_scattered_objects_stay_though_modifiers_were_to_be_applied(stage, tmp_p
 def test_generated_meshes_beside_scattered_objects_are_not_converted(stage, tmp_path):
     # A curve that is filled, and with an object on its corners: hidden, it would take the object along. Exact answer:
     # it is told, and all is shown as before.
-    _nodes(_curve(stage), lambda nodes, geometry: _with_objects(nodes, geometry, stage.mesh("Stone")))
+    geometry_nodes(_curve(stage), lambda nodes, geometry: _with_objects(nodes, geometry, stage.mesh("Stone")))
     before = shown()
     report = bake(tmp_path, convert=True)
     assert shown() == before
@@ -352,7 +343,7 @@ def test_a_sheared_instance_keeps_its_shape(stage, tmp_path):
         put.node.inputs["Rotation"].default_value = (0, 0, math.pi / 4)
         return put
 
-    _nodes(field, tree)
+    geometry_nodes(field, tree)
     shown = [np.array(instance.matrix_world @ Matrix.Translation((0.5, 0.5, 0)).translation)
              for instance in bpy.context.evaluated_depsgraph_get().object_instances if instance.is_instance]
     before = set(bpy.data.objects)

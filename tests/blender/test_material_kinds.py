@@ -14,7 +14,7 @@ import numpy as np
 import pytest
 from radiosity.solver.geometry import Geometry
 from radiosity.solver.scene import Scene
-from radiosity.tests.blender.stage import export
+from radiosity.tests.blender.stage import export, geometry_nodes
 
 SIDE = 24
 GRID = 6
@@ -342,21 +342,19 @@ def test_a_light_path_counts_as_for_a_diffuse_ray(build, grid):
 
 def test_an_attribute_of_geometry_nodes_is_the_one_that_cycles_bakes(build, grid):
     # A modifier stores (x + .2) / 2 as "Wear", which is the colour. Exact answer: Cycles' COLOR bake.
-    group = bpy.data.node_groups.new("Wear", "GeometryNodeTree")
-    for direction in ("INPUT", "OUTPUT"):
-        group.interface.new_socket("Geometry", in_out=direction, socket_type="NodeSocketGeometry")
-    begin, end, store, place, part, half = (group.nodes.new(kind) for kind in (
-        "NodeGroupInput", "NodeGroupOutput", "GeometryNodeStoreNamedAttribute", "GeometryNodeInputPosition",
-        "ShaderNodeSeparateXYZ", "ShaderNodeMath"))
-    half.operation = "MULTIPLY_ADD"
-    half.inputs[1].default_value, half.inputs[2].default_value = 0.5, 0.1
-    store.inputs["Name"].default_value = "Wear"
-    value = next(socket for socket in store.inputs if socket.name == "Value" and socket.enabled)
-    for source, target in ((begin.outputs[0], store.inputs[0]), (place.outputs[0], part.inputs[0]),
-                           (part.outputs["X"], half.inputs[0]), (half.outputs[0], value),
-                           (store.outputs[0], end.inputs[0])):
-        group.links.new(source, target)
-    grid.modifiers.new("Wear", "NODES").node_group = group
+    def build_tree(tree, geometry):
+        store, place, part, half = (tree.nodes.new(kind) for kind in (
+            "GeometryNodeStoreNamedAttribute", "GeometryNodeInputPosition", "ShaderNodeSeparateXYZ", "ShaderNodeMath"))
+        half.operation = "MULTIPLY_ADD"
+        half.inputs[1].default_value, half.inputs[2].default_value = 0.5, 0.1
+        store.inputs["Name"].default_value = "Wear"
+        value = next(socket for socket in store.inputs if socket.name == "Value" and socket.enabled)
+        for source, target in ((geometry, store.inputs[0]), (place.outputs[0], part.inputs[0]),
+                               (part.outputs["X"], half.inputs[0]), (half.outputs[0], value)):
+            tree.links.new(source, target)
+        return store.outputs[0]
+
+    geometry_nodes(grid, build_tree)
     grid.data.materials.append(diffuse(
         build, lambda tree, _: node(tree, "Attribute", attribute_name="Wear").outputs["Fac"]))
     scene = export([])
