@@ -13,12 +13,16 @@ from .geometry import Geometry
 from .planes import Planes
 from .receivers import Receivers
 from .sampling import uniform
+from .visibility import OFFSET
 
 Float = NDArray[np.floating[Any]]
 Int = NDArray[np.integer[Any]]
 
 # Draws of a place on the footprint that fall off the triangle, before its centre is taken (as Cycles does).
 TRIES = 10
+# For the triangle that a receiver lies on one looks from the largest offset of all at first, then so many times
+# nearer, so many times at most.
+NEARER, MOST_LOOKS = 8, 8
 
 
 class Footprints(Protocol):
@@ -80,8 +84,8 @@ class ReceiverFootprints:
         self._seed = seed
         self.step = receivers.footprint * np.float32(part)
         self.free = receivers.triangle < 0
-        self._free_offset = np.float32(self.geometry.offset.max(initial=0))
         self._any_free = bool(self.free.any())
+        self._lift = self._lifts()
         self.hidden, self.covered = self._touched()
 
     def __len__(self) -> int:
@@ -149,7 +153,28 @@ class ReceiverFootprints:
 
     def free_start(self, rows: Int) -> Float:
         """(n, 3) float32: where rays of receivers on no triangle start."""
-        return np.asarray(self.receivers.position[rows] + self.receivers.normal[rows] * self._free_offset)
+        return np.asarray(self.receivers.position[rows] + self.receivers.normal[rows] * self._lift[rows, None])
+
+    def _lifts(self) -> Float:
+        """(n,) float32, metres: how far off their places receivers on no triangle start.
+
+        It is the offset of the triangle that they lie on, if one look back from further and further away finds it;
+        else what their own coordinates ask for.
+        """
+        place, normal = self.receivers.position, self.receivers.normal
+        lift = np.abs(place).max(axis=1, initial=0) * np.float32(OFFSET)
+        if not self._any_free:
+            return lift
+        rows = np.flatnonzero(self.free)
+        reach, least = self.geometry.offset.max(initial=0), lift[rows].min()
+        for _ in range(MOST_LOOKS):
+            hits = self.geometry.solid.hits(place[rows] + normal[rows] * reach, -normal[rows])
+            offset = np.where(hits.triangle >= 0, self.geometry.offset[hits.triangle], 0)
+            lift[rows] = np.maximum(lift[rows], np.where(np.abs(hits.distance - reach) <= offset, offset, 0))
+            reach /= NEARER
+            if reach < least:
+                break
+        return lift
 
     def _touched(self) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
         """Footprints of which touching faces hide a corner or the middle, and those of which they hide all these."""

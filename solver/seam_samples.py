@@ -34,7 +34,7 @@ FLUSH_COSINE = 0.9999
 MOST_SAMPLES = 4096
 # How far beyond an edge a neighbour is looked for, and how much higher or lower it may lie, texels.
 BESIDE, LEVEL = 0.05, 0.05
-# The same at least, in steps of what rays can tell apart.
+# The same at least, in offsets of the triangle.
 LEAST_STEPS = 16.0
 
 
@@ -125,7 +125,8 @@ def _touching(corners: Float, visibility: Visibility, uv: Float, normal: Float, 
     weight = np.stack([1 - hits.u - hits.v, hits.u, hits.v], axis=1).astype(np.float64)
     theirs = _unit((normal[met] * weight[:, :, None]).sum(axis=1))
     ours = _unit(normal[own, corner[:, 0]] * (1 - along) + normal[own, corner[:, 1]] * along)
-    found = (hits.triangle >= 0) & (np.abs(hits.distance - 2 * level) < level) & (page[met] >= 0) & (met != own)
+    apart = np.abs(hits.distance - 2 * level)
+    found = (hits.triangle >= 0) & (apart < np.maximum(level, _least(corners[met]))) & (page[met] >= 0) & (met != own)
     found &= (ours * theirs).sum(axis=1) > FLUSH_COSINE
     rows = np.flatnonzero(found)
     # Where the ray met the neighbour is a little inside it: as near to the edge as rays can tell.
@@ -170,8 +171,13 @@ def _steps(corners: Float, uv: Float, sizes: Float, triangle: Int) -> tuple[Floa
     texels = np.abs(a[:, 0] * b[:, 1] - a[:, 1] * b[:, 0]) * sizes[triangle].prod(axis=1)
     one, two = (corners[triangle, k] - corners[triangle, 0] for k in (1, 2))
     texel = np.sqrt(np.linalg.norm(np.cross(one, two), axis=1) / np.maximum(texels, 1e-30))
-    least = LEAST_STEPS * OFFSET * np.abs(corners).max(initial=0)
+    least = _least(corners[triangle])
     return np.maximum(BESIDE * texel, least), np.maximum(LEVEL * texel, least)
+
+
+def _least(corner: Float) -> Float:
+    """(n,) metres that rays can tell apart for certain on triangles (n, 3, 3)."""
+    return np.asarray(LEAST_STEPS * OFFSET * np.abs(corner).max(axis=(1, 2), initial=0))
 
 
 def _upward(corner: Float) -> Float:

@@ -108,3 +108,17 @@ def test_an_object_far_away_takes_no_digits_from_the_others(far):
     found, right = (bake(scene, settings).lightmaps[0].pixels for scene in (both, alone))
     assert found.shape == right.shape
     assert np.sqrt(np.mean((found - right) ** 2)) < 0.03 * right.mean()
+
+
+@pytest.mark.parametrize("far", [1e3, 1e5, 1e7])
+def test_an_object_far_away_moves_no_probe(far):
+    # A lamp in a black room, and a cube so many metres away. Exact answer: probes on the floor, on a wall and in the
+    # air get flux / (4 pi distance^2), which shows a millimetre in 20 cm as 1 %.
+    room = box((0, 0, 0), (1, 1, 1), reflectance=0.0)
+    away = box((far, 0, 0), (far + 1, 1, 1), inward=False)
+    lamp = Point("lamp", (0.5, 0.5, 0.2), (1, 1, 1))
+    points, normals = [(0.5, 0.5, 0.0), (0.0, 0.5, 0.2), (0.5, 0.5, 0.1)], [(0, 0, 1), (1, 0, 0), (0, 0, 1)]
+    both = (room + away).scene(lights=(lamp,), surfaces=(Surface("room", 0, 12), Surface("far", 12, 12)))
+    found = irradiance(both, Settings(), points, normals)
+    right = [1 / (4 * np.pi * distance**2) for distance in (0.2, 0.5, 0.1)]
+    assert found[:, 0] == pytest.approx(right, rel=1e-3)

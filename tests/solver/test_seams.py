@@ -221,6 +221,19 @@ def test_objects_that_touch_without_common_corners_are_joined():
     assert common_gap(stitched[0]) < common_gap(images[0]) / 3
 
 
+@pytest.mark.parametrize("far", [3, 1e3, 1e5])
+def test_a_step_between_objects_is_no_seam(far):
+    # The right square lies 2 cm lower, as beside a mat, and a third object so many metres away. No seam, wherever that
+    # is; with both in one plane there is one.
+    for step, joined in ((0.02, False), (0.0, True)):
+        points = np.concatenate([VERTICES[:4], VERTICES[[1, 4, 5, 2]] - [0, 0, step], VERTICES[:3] + [far, 0, 5]])
+        triangles = np.concatenate([TRIANGLES[:2], TRIANGLES[:2] + 4, [[8, 9, 10]]])
+        surfaces = (Surface("left", 0, 2, lightmap_uv=UV[:2]), Surface("right", 2, 2, lightmap_uv=UV[2:]),
+                    Surface("far", 4, 1, receives=False))
+        scene = two_squares(points, triangles, surfaces)
+        assert bool(len(seam_samples(lumels(scene, SETTINGS, []), scene))) == joined
+
+
 def test_a_wall_on_a_floor_is_no_seam():
     # The right square stands on the left one's edge, a little shorter: touching, but not flush. Nothing changes.
     vertices = np.vstack([VERTICES[:4], [[1, .1, 0], [1, .9, 0], [1, .9, 1], [1, .1, 1]]])
