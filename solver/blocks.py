@@ -15,8 +15,8 @@ from .parallel import Run, slices
 Float = NDArray[np.floating[Any]]
 Int = NDArray[np.integer[Any]]
 
-# Levels of the octree that blocks are boxes of.
-LEVELS = 12
+# Levels of the octree that blocks are boxes of: more than float32's digits tell nothing.
+MOST_LEVELS = 20
 # Footprints looked at in one chunk of work.
 CHUNK = 2**15
 # A block's sphere goes through two opposite corners of its footprints; the other two may stick out this far.
@@ -70,8 +70,8 @@ class Blocks:
 
     @classmethod
     def nested(cls, places: Footprints, most: tuple[int, ...], run: Run, kind: Int | None = None) -> tuple[Blocks, ...]:
-        """Blocks of at most so many footprints, more only where they lie in one point; and so on, each size made of
-        whole ones of those that are smaller. The last are the footprints themselves, one by one. Footprints of unlike
+        """Blocks of at most so many footprints, for each of `most`, of which each is a multiple of the next; a block is
+        made of whole ones of the next size. The last are the footprints themselves, one by one. Footprints of unlike
         kinds (n,) are never in one block."""
         def corners(part: slice) -> tuple[Float, Float, Float, Float]:
             rows = np.arange(part.start, part.stop)
@@ -81,11 +81,13 @@ class Blocks:
         parts = run.map(corners, slices(len(places), CHUNK))
         one, facing, other, turned = (np.concatenate([part[column] for part in parts]) for column in range(4))
         kind = np.zeros(len(one), np.int64) if kind is None else kind
-        key = _keys((one + other) / 2, facing, kind)
+        # As many levels as the bits of a key have place for beside kind and facing.
+        levels = min(MOST_LEVELS, (62 - (6 * int(kind.max(initial=0)) + 6).bit_length()) // 3)
+        key = _keys((one + other) / 2, facing, kind, levels)
         order = np.argsort(key, kind="stable")
         key = key[order]
         corner = one[order], other[order], facing[order], turned[order]
-        firsts = [*(_boxes(key, number) for number in most), np.arange(len(order))]
+        firsts = [*(_boxes(key, number, levels) for number in most), np.arange(len(order))]
         return tuple(cls._of(order, first, kind, corner) for first in firsts)
 
     @classmethod
@@ -112,29 +114,31 @@ def _spheres(first: Int, one: Float, other: Float, facing: Float, turned: Float)
     return tuple(np.asarray(array, np.float32) for array in (centre, radius, normal, spread))
 
 
-def _keys(points: Float, normals: Float, kind: Int) -> Int:
+def _keys(points: Float, normals: Float, kind: Int, levels: int) -> Int:
     """(n,) int64: of which kind each is, which way it faces, and where it lies along a curve that fills the boxes of an
     octree one by one (Morton 1966)."""
     low = points.min(axis=0)
     edge = max(float(np.max(points.max(axis=0) - low)), 1e-30)
-    place = np.minimum((points - low) * np.float32(2**LEVELS / edge), 2**LEVELS - 1).astype(np.int64)
+    place = np.minimum((points - low) * np.float32(2**levels / edge), 2**levels - 1).astype(np.int64)
     axis = np.argmax(np.abs(normals), axis=1)
     key = 6 * kind + 2 * axis + (normals[np.arange(len(axis)), axis] > 0)
-    for level in reversed(range(LEVELS)):
+    for level in reversed(range(levels)):
         key = key * 8 + ((place >> level) & 1) @ np.array([1, 2, 4])
     return np.asarray(key)
 
 
-def _boxes(key: Int, most: int) -> Int:
-    """Where the largest boxes begin that hold at most `most` of the sorted keys."""
+def _boxes(key: Int, most: int, levels: int) -> Int:
+    """Where the largest boxes begin that hold at most `most` of the sorted keys; the smallest ones are cut into pieces."""
     starts = np.zeros(len(key), bool)
     starts[0] = True
     full = np.ones(len(key), bool)
-    for level in range(LEVELS + 1):
-        begin = np.append(0, np.flatnonzero(np.diff(key >> (3 * (LEVELS - level)))) + 1)
+    for level in range(levels + 1):
+        begin = np.append(0, np.flatnonzero(np.diff(key >> (3 * (levels - level)))) + 1)
         count = np.diff(np.append(begin, len(key)))
         starts[begin] |= full[begin]
         full &= np.repeat(count, count) > most
         if not full.any():
             break
+    within = np.arange(len(key)) - np.repeat(begin, count)
+    starts |= full & (within % most == 0)
     return np.flatnonzero(starts)

@@ -47,18 +47,22 @@ def _probes(scene, points, normals):
     return geometry, ReceiverFootprints(geometry, receivers, 0.5, 0)
 
 
-def _cloud(count, seed=1):
-    """Probes within 4 m, half of them along an axis."""
+def _cloud(count, seed=1, far=0.0):
+    """Probes within 4 m, half of them along an axis; the last one is moved so many metres away."""
     rng = np.random.default_rng(seed)
     normals = rng.normal(size=(count, 3))
     normals[: count // 2] = np.eye(3)[rng.integers(0, 3, count // 2)]
     scene = quad((-9, -9, -9), (1, 0, 0), (0, 1, 0)).scene()
-    return _probes(scene, rng.uniform(-4, 4, (count, 3)), normals / np.linalg.norm(normals, axis=1)[:, None])
+    points = rng.uniform(-4, 4, (count, 3))
+    points[-1, 0] += far
+    return _probes(scene, points, normals / np.linalg.norm(normals, axis=1)[:, None])
 
 
-def test_blocks_hold_every_receiver_once_and_nest():
-    # 5,000 probes in blocks of 200 and of 20: each in one of either, inside its sphere; no small one lies in two large.
-    _, places = _cloud(5000)
+@pytest.mark.parametrize("far", [0, 1e5, 1e9])
+def test_blocks_hold_every_receiver_once_and_nest(far):
+    # 5,000 probes in blocks of 200 and of 20, one of them far from the rest: each in one of either, inside its sphere;
+    # no small one lies in two large.
+    _, places = _cloud(5000, far=far)
     large, small, single = Blocks.nested(places, (200, 20), Run(2))
     assert np.array_equal(np.sort(large.order), np.arange(5000))
     assert np.isin(large.begin, small.begin).all()
