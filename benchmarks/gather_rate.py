@@ -23,6 +23,7 @@ from contextlib import ExitStack, contextmanager
 from dataclasses import asdict, dataclass, fields
 from importlib import import_module
 from pathlib import Path
+from threading import Lock
 from typing import Any
 from unittest.mock import patch
 
@@ -107,6 +108,7 @@ class Watch:
         self.rays, self.clock = 0, Clock(0.0, 0.0)
         self.chunks: list[Chunk] = []
         self._every, self._calls, self._within = every, 0, False
+        self._lock = Lock()
 
     def bake(self, scene: Scene, settings: Settings) -> dict[str, Any]:
         """Bake, and return the report."""
@@ -153,9 +155,11 @@ class Watch:
     def _note(self, visibility: Visibility, origins: Float, directions: Float, distances: Float | None) -> None:
         if not self._within:
             return
-        self.rays += len(origins)
-        self._calls += 1
-        if self._every and self._calls % self._every == 0:
+        with self._lock:
+            self.rays += len(origins)
+            self._calls += 1
+            chosen = self._every and self._calls % self._every == 0
+        if chosen:
             far = None if distances is None else np.array(distances, np.float32)
             self.chunks.append(Chunk(visibility, np.array(origins, np.float32), np.array(directions, np.float32), far))
 

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..solver.result import Bake
-from ..solver.scene import Scene
+from ..solver.scene import Scene, with_mean_texture
 from .baked_light import TO_RADIANCE
 
 Float = NDArray[np.float32]
@@ -44,13 +44,8 @@ def receiving_triangles(scene: Scene) -> Int:
 
 def mean_colours(scene: Scene) -> tuple[Float, Float]:
     """Reflectance, and radiance of emission, of every triangle (t, 3): textures by their mean."""
-    return (_textured(scene, scene.reflectance, scene.reflectance_texture),
-            _textured(scene, scene.emission, scene.emission_texture) / np.float32(np.pi))
-
-
-def _textured(scene: Scene, factor: Any, texture: Any) -> Float:
-    table = np.array([*(texture.mean for texture in scene.textures), np.ones(3)], np.float32)
-    return np.asarray(np.asarray(factor) * table[texture], np.float32)
+    return (with_mean_texture(scene, scene.reflectance, scene.reflectance_texture),
+            with_mean_texture(scene, scene.emission, scene.emission_texture) / np.float32(np.pi))
 
 
 def look_at(scene: Scene, bake: Bake, quantity: str, title: str) -> Look:

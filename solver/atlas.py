@@ -122,7 +122,7 @@ def _sheets(charts: Charts, owner: Int, settings: Settings) -> list[_Sheet]:
     """Pages for the charts, as the settings ask."""
     alone = settings.effective_atlas == "object"
     if settings.texel_density is not None or (alone and settings.resolution is None):
-        density = settings.texel_density or _affordable(charts, owner, settings.max_pages * DEFAULT_PAGE**2)
+        density = settings.texel_density or _affordable(charts, settings.max_pages * DEFAULT_PAGE**2)
         groups = _alone(owner) if alone else _few_pages(charts, owner, settings.max_pages, density)
         return [_sized(charts, members, density, square=not alone) for members in groups]
     if alone:
@@ -213,7 +213,7 @@ def _few_pages(charts: Charts, owner: Int, most: int, density: float) -> list[In
     return _balanced(charts, owner, min(max(least, 1), most))
 
 
-def _affordable(charts: Charts, owner: Int, budget: int) -> float:
+def _affordable(charts: Charts, budget: int) -> float:
     """The density at which the charts of all objects, padded, cover a number of texels."""
     packer = Packer(charts, LEAST_PADDING)
     low, high = 0.0, float(np.sqrt(budget / max(float(packer.side.prod(axis=1).sum()), 1e-300)))

@@ -128,7 +128,7 @@ def _keys(points: Float, normals: Float, kind: Int, levels: int) -> Int:
 
 
 def _boxes(key: Int, most: int, levels: int) -> Int:
-    """Where the largest boxes begin that hold at most `most` of the sorted keys; the smallest ones are cut into pieces."""
+    """Where the largest boxes begin that hold at most `most` of the sorted keys; the smallest are cut into pieces."""
     starts = np.zeros(len(key), bool)
     starts[0] = True
     full = np.ones(len(key), bool)

@@ -42,14 +42,14 @@ APART, APART_NODES = 2.0, 10
 
 def convex_form_factor(a: Float, b: Float) -> float:
     """Form factor F_ab of two planar convex polygons (n, 3), (m, 3) float64; each sees with its front only."""
-    area = _area(a)
+    area = polygon_area(a)
     a, b = clip_to_front(a, b), clip_to_front(b, a)
     if len(a) < 3 or len(b) < 3:
         return 0.0
     roominess_a, roominess_b = _roominess(a, b), _roominess(b, a)
     if max(roominess_a, roominess_b) > AREA_RULE_RADII:
         average = _mean_element_form_factor(a, b) if roominess_a >= roominess_b else _mean_element_form_factor(b, a)
-        exchanged = average * (_area(a) if roominess_a >= roominess_b else _area(b))
+        exchanged = average * (polygon_area(a) if roominess_a >= roominess_b else polygon_area(b))
     else:
         exchanged = _contour_sum(a, b)
     return float(max(exchanged, 0.0) / area)
@@ -176,6 +176,7 @@ def _double_exponential() -> tuple[Float, Float]:
     return 1 / (1 + decay), weights / weights.sum()
 
 
-def _area(polygon: Float) -> float:
+def polygon_area(polygon: Float) -> float:
+    """Of a flat polygon (m, 3), m2."""
     fan = polygon[1:] - polygon[0]
     return float(np.linalg.norm(np.cross(fan[:-1], fan[1:]).sum(axis=0)) / 2)

@@ -17,7 +17,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from .contour import clip_to_front, convex_form_factor
+from .contour import clip_to_front, convex_form_factor, polygon_area
 from .convex_pieces import convex_pieces, unit_normal
 from .errors import SceneError
 from .polygon import polygon_form_factor
@@ -70,7 +70,7 @@ def form_factor(a: ArrayLike, b: ArrayLike, occluders: Sequence[ArrayLike] = (),
     blockers = _occluder_pieces(occluders)
     generator = np.random.default_rng(seed)
     exchanged = [_exchange(p, q, blockers, generator) for p in pieces_a for q in pieces_b]
-    area = sum(_area(piece) for piece in pieces_a)
+    area = sum(polygon_area(piece) for piece in pieces_a)
     value = sum(part.value for part in exchanged) / area
     return Estimate(value, float(np.sqrt(sum(part.standard_error**2 for part in exchanged)) / area))
 
@@ -116,8 +116,8 @@ def _exchange(a: Float, b: Float, occluders: list[Float], generator: np.random.G
         if answer == "part":
             between.append(occluder)
     if not between:
-        return Estimate(convex_form_factor(a, b) * _area(a))
-    smaller, other = (front_a, front_b) if _area(front_a) <= _area(front_b) else (front_b, front_a)
+        return Estimate(convex_form_factor(a, b) * polygon_area(a))
+    smaller, other = (front_a, front_b) if polygon_area(front_a) <= polygon_area(front_b) else (front_b, front_a)
     return _lattice_mean(smaller, other, between, generator)
 
 
@@ -128,7 +128,7 @@ def _lattice_mean(polygon: Float, other: Float, occluders: list[Float], generato
     the visible part is steep, but nothing is hidden there.
     """
     shifts = generator.random((SHIFTS, 1, 2))
-    whole = convex_form_factor(polygon, other) * _area(polygon)
+    whole = convex_form_factor(polygon, other) * polygon_area(polygon)
     for count, generating in LATTICES:
         lattice = np.arange(count)[:, None] * np.array([1, generating]) / count
         square = 1 - np.abs(2 * ((lattice + shifts) % 1) - 1)  # the tent makes a periodic function of any: N^-2
@@ -164,13 +164,14 @@ def _spread(polygon: Float, square: Float) -> tuple[Float, Float]:
     """
     sides = polygon[1:] - polygon[0]
     if len(polygon) == 4 and np.allclose(sides[0] + sides[2], sides[1], rtol=0, atol=1e-12 * np.abs(sides).max()):
-        return polygon[0] + square[:, :1] * sides[0] + square[:, 1:] * sides[2], np.full(len(square), _area(polygon))
+        area = polygon_area(polygon)
+        return polygon[0] + square[:, :1] * sides[0] + square[:, 1:] * sides[2], np.full(len(square), area)
     centre = polygon.mean(axis=0)
     around = np.concatenate([polygon, polygon[:1]]) - centre
     swept = np.cumsum(np.linalg.norm(np.cross(around[:-1], around[1:]), axis=1))
     angle = square[:, 1] * swept[-1]
     outline = np.stack([np.interp(angle, np.concatenate([[0], swept]), around[:, k]) for k in range(3)], axis=1)
-    return centre + square[:, :1] * outline, 2 * _area(polygon) * square[:, 0]
+    return centre + square[:, :1] * outline, 2 * polygon_area(polygon) * square[:, 0]
 
 
 def _occluder_pieces(occluders: Sequence[ArrayLike]) -> list[Float]:
@@ -182,8 +183,3 @@ def _vector(value: ArrayLike, name: str) -> Float:
     if vector.shape != (3,) or not np.isfinite(vector).all():
         raise SceneError(f"{name} is {vector.tolist()}: give three finite numbers")
     return vector
-
-
-def _area(polygon: Float) -> float:
-    fan = polygon[1:] - polygon[0]
-    return float(np.linalg.norm(np.cross(fan[:-1], fan[1:]).sum(axis=0)) / 2)

@@ -22,7 +22,7 @@ def put(lamp: Any, **values: Any) -> None:
 
 def vector(name: str, word: str, value: ArrayLike) -> Float:
     """A lamp's (3,) float64 vector, checked."""
-    array = np.array(value, np.float64)
+    array = _numbers(name, word, value, np.float64)
     if array.shape != (3,) or not np.isfinite(array).all():
         raise SceneError(f"lamp {name!r}: {word} {array.tolist()} must be three finite numbers")
     return array
@@ -39,7 +39,10 @@ def unit_vector(name: str, word: str, value: ArrayLike) -> Float:
 
 def spectrum(name: str, word: str, value: ArrayLike) -> Float:
     """A lamp's (3,) float32 power or radiance, checked."""
-    array = np.array(np.broadcast_to(np.asarray(value, np.float32), (3,)))
+    array = _numbers(name, word, value, np.float32)
+    if array.shape not in {(), (1,), (3,)}:
+        raise SceneError(f"lamp {name!r}: {word} {array.tolist()} must be one number or three")
+    array = np.array(np.broadcast_to(array, (3,)))
     if not np.isfinite(array).all() or array.min() < 0:
         raise SceneError(f"lamp {name!r}: {word} {array.tolist()} is negative or not finite: give finite values from 0")
     return array
@@ -47,6 +50,14 @@ def spectrum(name: str, word: str, value: ArrayLike) -> Float:
 
 def within(name: str, word: str, value: float, low: float, high: float) -> float:
     """A lamp's number, checked."""
-    if not (np.isfinite(value) and low <= value <= high + 1e-6):
+    number = _numbers(name, word, value, np.float64)
+    if number.shape != () or not (np.isfinite(number) and low <= number <= high + 1e-6):
         raise SceneError(f"lamp {name!r}: {word} {value!r} is not within {low:g} and {high:g}")
-    return float(min(value, high))
+    return float(min(number, high))
+
+
+def _numbers(name: str, word: str, value: ArrayLike, dtype: Any) -> NDArray[Any]:
+    try:
+        return np.array(value, dtype)
+    except (ValueError, TypeError):
+        raise SceneError(f"lamp {name!r}: {word} {value!r} is no number or row of numbers") from None

@@ -17,8 +17,8 @@ from .settings import DEFAULT_PAGE, MAX_RESOLUTION, Settings
 Float = NDArray[np.floating[Any]]
 Warnings = list[dict[str, Any]]
 
-# A triangle whose height is below this part of the scene's half size has no area in space: float32 coordinates
-# can't tell it from a line.
+# A triangle whose height is below this part of its own largest coordinate has no area in space: float32 can't tell it
+# from a line.
 FLAT = 1e-7
 
 

@@ -47,7 +47,7 @@ class Light(Protocol):
 
     @property
     def colour(self) -> Float:
-        """(3,) float32: what weights are multiplied by, W/m2."""
+        """(3,) float32: what weights are multiplied by to give W/m2; a point's intensity, an area's power."""
         ...
 
     def power(self) -> Float:

@@ -184,15 +184,14 @@ class _Pieces:
 
 
 def group_emitters(
-    corners: Float, exitance: ArrayLike, name: str = "emission", most_triangles: int = CLOSED_FORM_TRIANGLES
+    corners: Float, exitance: ArrayLike, most_triangles: int = CLOSED_FORM_TRIANGLES
 ) -> tuple[MeshEmitter, ...]:
-    """Emissive triangles as lamps.
+    """Emissive triangles as lamps, called "emission" with a number.
 
     Parameters
     ----------
     corners : (t, 3, 3) float64, metres; triangles hang together where corners are equal to the last bit.
     exitance : (t, 3) W/m2 of each side (radiance times pi), as `Scene.emission`; dark triangles are left out.
-    name : what the groups are called, with a number.
     most_triangles : of a group.
 
     Notes
@@ -213,7 +212,7 @@ def group_emitters(
     for rows, colours in _by_colour(radiance, most_triangles):
         for island in _by_label(islands.label, rows) if len(islands.box) <= FEW_ISLANDS else [rows]:
             parts += [(some, colours) for some in _clusters(centre, island, most_triangles)]
-    return tuple(MeshEmitter(f"{name}.{number}", corners[rows], colours[rows], closed_box=islands.box_around(rows))
+    return tuple(MeshEmitter(f"emission.{number}", corners[rows], colours[rows], closed_box=islands.box_around(rows))
                  for number, (rows, colours) in enumerate(parts))
 
 

@@ -70,14 +70,14 @@ def polygon_form_factor(points: Float, normals: Float, polygon: Float, sides: Si
     return result
 
 
-def paired_form_factor(points: Float, normals: Float, polygons: Float, sides: Sides = "front") -> Float:
+def paired_form_factor(points: Float, normals: Float, polygons: Float) -> Float:
     """As `polygon_form_factor`, each point with a polygon of its own: polygons (n, m, 3) -> (n,)."""
     shapes = Shapes.of(np.asarray(polygons), _float_type(points))
     points, normals = _columns(points, shapes), _columns(normals, shapes)
     result = np.empty(points.shape[1], points.dtype)
     for part in _chunks(len(result), CHUNK):
         pairs = shapes.take(np.arange(part.start, part.stop))
-        result[part] = _form_factor(points[:, part], normals[:, part], pairs, sides)
+        result[part] = _form_factor(points[:, part], normals[:, part], pairs, "front")
     return result
 
 

@@ -129,7 +129,7 @@ def _add_to_lumels(bake: Bake, scene: Scene, settings: Settings, looks: Sequence
     """Pages with a change, given as two looks at it, and the RMS error of their mean."""
     pages = tuple(Page(page.name, page.pixels.shape[1], page.pixels.shape[0]) for page in bake.lightmaps)
     lumels = lay_out(scene, settings, [], run.step, Layout(pages, bake.page_of_surface, bake.uv))
-    samples = seam_samples(lumels, scene)
+    samples = seam_samples(lumels, scene, run.check)
     near = LumelNeighbours(lumels, links(samples, lumels, scene))
     change, noise = _smoothed(looks, lumels.receivers, near, run)
     for number, page in enumerate(bake.lightmaps):

@@ -21,7 +21,7 @@ from .groups import GroupLight
 from .linear import LinearResult
 from .parallel import Run
 from .paths import Paths
-from .scene import Scene
+from .scene import Scene, with_mean_texture
 from .settings import Settings
 
 if TYPE_CHECKING:
@@ -154,7 +154,7 @@ def report(scene: Scene, settings: Settings, stages: Stages, lumels: int, transp
 def refuse_singular(linear: LinearResult, scene: Scene) -> None:
     """A closed scene that absorbs nothing has no solution: say so."""
     if linear.outcome != "converged":
-        reflectance = np.asarray(scene.reflectance).max(axis=1)
+        reflectance = with_mean_texture(scene, scene.reflectance, scene.reflectance_texture).max(axis=1)
         highest = int(np.argmax(reflectance))
         raise SceneError(f"{scene.whose(highest)} reflects {float(reflectance[highest]):.3g} of the light in a scene "
                          f"that lets none out, so that light never ends: lower the reflectance below .99 (solver: "

@@ -189,6 +189,11 @@ class Scene:
         count = len(triangles)
         put("vertices", _frozen(vertices))
         put("triangles", _frozen(triangles))
+        for name, limit in (("reflectance_texture", len(self.textures)), ("emission_texture", len(self.textures)),
+                            ("opacity_texture", len(self.textures)), ("material", len(self.material_names))):
+            value = getattr(self, name)
+            put(name, _frozen(np.full(count, -1, np.int32) if value is None
+                              else _indices(name, value, (count,), -1, limit)))
         reflectance = _per_triangle("reflectance", self.reflectance, count)
         if reflectance.size and reflectance.max() > 1:
             triangle = int(np.argmax(reflectance.max(axis=1)))
@@ -208,11 +213,6 @@ class Scene:
         put("opacity", _frozen(opacity))
         for name in ("casts_shadow", "seen"):
             put(name, _frozen(_each(name, getattr(self, name), np.bool_, count)))
-        for name, limit in (("reflectance_texture", len(self.textures)), ("emission_texture", len(self.textures)),
-                            ("opacity_texture", len(self.textures)), ("material", len(self.material_names))):
-            value = getattr(self, name)
-            put(name, _frozen(np.full(count, -1, np.int32) if value is None
-                              else _indices(name, value, (count,), -1, limit)))
         put("lights", tuple(self.lights))
         if not isinstance(self.sky, Sky):
             raise SceneError(f"sky is {self.sky!r}: give a Sky")
@@ -234,7 +234,7 @@ class Scene:
 
     def whose(self, triangle: int) -> str:
         """The material of a triangle, for messages; the triangle itself where no material is known."""
-        material = int(self.material[triangle]) if self.material is not None else -1
+        material = int(np.asarray(self.material)[triangle])
         return f"material {self.material_names[material]!r}" if material >= 0 else f"triangle {triangle}"
 
     @cached_property
@@ -245,6 +245,12 @@ class Scene:
                    for surface in self.surfaces if surface.count)
         middles = [(own.min(axis=0) + own.max(axis=0)) / 2 for own in corners]
         return np.sort(middles, axis=0)[(len(middles) - 1) // 2] if middles else np.zeros(3)
+
+
+def with_mean_texture(scene: Scene, factor: ArrayLike, texture: ArrayLike) -> Float:
+    """(t, 3) float32: a triangle's factor, as `Scene.reflectance`, times the mean of its texture, where it has one."""
+    means = np.array([*(item.mean for item in scene.textures), np.ones(3)], np.float32)
+    return np.asarray(np.asarray(factor) * means[np.asarray(texture)], np.float32)
 
 
 def surface_of_triangle(scene: Scene) -> NDArray[np.int32]:

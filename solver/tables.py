@@ -25,12 +25,10 @@ LEAST = 2**14
 RUN = 2**10
 
 
-def padded(values: Float, last: Float | None = None) -> Float:
-    """(n + 1, 4) float32: values (n, 3), `last` (n,) in the fourth column, and a row of zeros, for index -1."""
+def padded(values: Float) -> Float:
+    """(n + 1, 4) float32: values (n, 3) in the first columns, and a row of zeros, for index -1."""
     out = np.zeros((len(values) + 1, 4), np.float32)
     out[:-1, :3] = values
-    if last is not None:
-        out[:-1, 3] = last
     return out
 
 

@@ -233,7 +233,7 @@ class Transport:
         traced = []
         for part in slices(len(patches), max(1, 2**22 // rays)):
             these = patches[part]
-            start = partial(self._row_rays, these, self.patches.size()[these], rays, *self.starts.members(these))
+            start = partial(self._row_rays, self.patches.size()[these], rays, *self.starts.members(these))
             pieces = self.run.map(start, shares(len(these), max(1, CHUNK_RAYS // rays), LEAST_RAYS // rays))
             sides = np.concatenate([piece[0] for piece in pieces])
             self.meet([piece[3] for piece in pieces])
@@ -242,8 +242,8 @@ class Transport:
             traced.append(Rows(these, hits, np.concatenate([piece[2] for piece in pieces]), sky))
         return traced
 
-    def _row_rays(self, patches: NDArray[np.int32], width: Float, rays: int, order: Int, running: Float, begins: Int,
-                  part: slice) -> tuple[NDArray[np.int64], Float, NDArray[np.uint8], Seen]:
+    def _row_rays(self, width: Float, rays: int, order: Int, running: Float, begins: Int, part: slice
+                  ) -> tuple[NDArray[np.int64], Float, NDArray[np.uint8], Seen]:
         """Of some rows' rays (p, rays): sides met, the sky's irradiance (.., 3), the eighth they start in;
         and where new cells were met. `width` (p,) of each patch, metres.
 

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from radiosity.solver import Scene, SceneError, Settings, Sky, bake, irradiance, solve
+from radiosity.solver import Scene, SceneError, Settings, Sky, Texture, bake, irradiance, solve
 from radiosity.solver.area_lamp import Area
 from radiosity.solver.audit import Auditor
 from radiosity.solver.footprints import ReceiverFootprints
@@ -102,10 +102,11 @@ def test_a_closed_room_that_absorbs_next_to_nothing_is_solved(lost, validation):
 
 
 def test_a_closed_room_that_absorbs_nothing_is_refused_by_its_materials_name():
-    # Rho 1: the light never ends, no solution exists.
-    room = box(LOW, HIGH, 1.0)
-    scene = room.scene(lights=(Point("lamp", (1, 1, 1), (59,) * 3),), material=np.zeros(12, int),
-                       material_names=("Perfect white",))
+    # Rho 1: the light never ends, no solution exists. Outside lies a dark carpet, whose colour is its image's.
+    room = quad((9, 0, 0), (1, 0, 0), (0, 1, 0), 1.0) + box(LOW, HIGH, 1.0)
+    scene = room.scene(lights=(Point("lamp", (1, 1, 1), (59,) * 3),), material=np.repeat([1, 0], [2, 12]),
+                       material_names=("Perfect white", "Carpet"), uv=np.zeros((14, 3, 2)),
+                       textures=(Texture(np.full((1, 1, 3), 0.1)),), reflectance_texture=np.repeat([0, -1], [2, 12]))
     with pytest.raises(SceneError, match="material 'Perfect white'"):
         solve(scene, Settings(error=0.1))
 

@@ -37,6 +37,7 @@ LAMP = Point("lamp", (0.5, 0.5, 0.6), (10, 10, 10))
     ({"opacity": (1, 1, 1)}, "opacity has shape"),
     ({"seen": (True,) * 5}, "seen has shape"),
     ({"material": (0, 0, 0), "material_names": ("wall",)}, "material are int64"),
+    ({"material": (0, 0), "material_names": (), "reflectance": 1.2}, "material run from 0 to 0"),
     ({"sky": (1, 1, 1)}, "give a Sky"),
     ({"surfaces": (Surface("far", 5, 2),)}, "object 'far' has 2 triangles from 5"),
     ({"surfaces": (Surface("one", 0, 1), Surface("other", 0, 1))}, "object 'other' has 1 triangles from 0"),
