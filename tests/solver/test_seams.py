@@ -226,7 +226,8 @@ def test_a_step_between_objects_is_no_seam(far):
     # The right square lies 2 cm lower, as beside a mat, and a third object so many metres away. No seam, wherever that
     # is; with both in one plane there is one.
     for step, joined in ((0.02, False), (0.0, True)):
-        points = np.concatenate([VERTICES[:4], VERTICES[[1, 4, 5, 2]] - [0, 0, step], VERTICES[:3] + np.array([far, 0, 5])])
+        right, away = VERTICES[[1, 4, 5, 2]] - [0, 0, step], VERTICES[:3] + np.array([far, 0, 5])
+        points = np.concatenate([VERTICES[:4], right, away])
         triangles = np.concatenate([TRIANGLES[:2], TRIANGLES[:2] + 4, [[8, 9, 10]]])
         surfaces = (Surface("left", 0, 2, lightmap_uv=UV[:2]), Surface("right", 2, 2, lightmap_uv=UV[2:]),
                     Surface("far", 4, 1, receives=False))
