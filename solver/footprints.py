@@ -162,7 +162,7 @@ class ReceiverFootprints:
         else what their own coordinates ask for.
         """
         place, normal = self.receivers.position, self.receivers.normal
-        lift = np.abs(place).max(axis=1, initial=0) * np.float32(OFFSET)
+        lift = np.asarray(np.abs(place).max(axis=1, initial=0) * np.float32(OFFSET))
         if not self._any_free:
             return lift
         rows = np.flatnonzero(self.free)

@@ -53,7 +53,7 @@ def within(name: str, word: str, value: float, low: float, high: float) -> float
     number = _numbers(name, word, value, np.float64)
     if number.shape != () or not (np.isfinite(number) and low <= number <= high + 1e-6):
         raise SceneError(f"lamp {name!r}: {word} {value!r} is not within {low:g} and {high:g}")
-    return float(min(number, high))
+    return min(float(number), high)
 
 
 def _numbers(name: str, word: str, value: ArrayLike, dtype: Any) -> NDArray[Any]:

@@ -247,7 +247,7 @@ class Scene:
         return np.sort(middles, axis=0)[(len(middles) - 1) // 2] if middles else np.zeros(3)
 
 
-def with_mean_texture(scene: Scene, factor: ArrayLike, texture: ArrayLike) -> Float:
+def with_mean_texture(scene: Scene, factor: ArrayLike, texture: ArrayLike | None) -> Float:
     """(t, 3) float32: a triangle's factor, as `Scene.reflectance`, times the mean of its texture, where it has one."""
     means = np.array([*(item.mean for item in scene.textures), np.ones(3)], np.float32)
     return np.asarray(np.asarray(factor) * means[np.asarray(texture)], np.float32)
