@@ -6,7 +6,6 @@ depends on where the object is (its coordinates, its colour, geometry in world s
 
 from __future__ import annotations
 
-import hashlib
 from collections import OrderedDict
 from collections.abc import Sequence
 from dataclasses import dataclass, fields
@@ -18,15 +17,17 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..solver.errors import RadiosityError
-from . import cycles, node_hash
+from . import cycles
 from .compat import version
 from .cycles_elsewhere import Elsewhere
+from .digest import digest
 from .materials import PARTS, Shading
 from .mesh_part import BAKE_UV, MeshPart, make_mesh
 from .named_values import Named
 from .parts import PAUSE, Parts, aside
 from .shader_views import show_part
 from .shown_images import images
+from .shown_nodes import shows
 from .triangle_cells import MARGIN, Cells, place_cells
 
 Float = NDArray[np.floating[Any]]
@@ -116,18 +117,10 @@ class Evaluated:
 def request(item: Any, material: Any, part: MeshPart, shading: Shading, named: Named) -> Request:
     """A request for a shown mesh and one of its (evaluated) materials; call it while the dependency graph lives."""
     tree = material.node_tree
-    by_place = node_hash.uses(tree, BY_PLACE)
-    digest = hashlib.sha256(node_hash.tree_digest(tree).encode())
-    digest.update(part.names().encode())
-    for array in part.arrays():
-        digest.update(np.ascontiguousarray(array).tobytes())
-    if by_place:
-        own = (item.matrix.tobytes(), tuple(item.original.color), item.original.pass_index, item.random, named)
-        digest.update(repr(own).encode())
-    digest.update(repr((material.pass_index, version(), shading.guessed_parts)).encode())
-    subject = Subject(material.original, part, item.matrix, tuple(item.original.color), item.original.pass_index,
-                      item.random, named)
-    return Request(subject, item.name, shading, digest.hexdigest())
+    own = (item.matrix, tuple(item.original.color), item.original.pass_index, item.random, named)
+    total = digest(tree, part, own if shows(tree, BY_PLACE) else None, material.pass_index, version(),
+                   shading.guessed_parts)
+    return Request(Subject(material.original, part, *own), item.name, shading, total)
 
 
 def materials_to_ask(requests: Sequence[Request], frame: int) -> list[Any]:

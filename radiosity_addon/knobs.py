@@ -34,7 +34,7 @@ def rest_of(block: Any) -> str:
         return "nothing"
     if not compat.uses_nodes(block):
         return digest("flat" if hasattr(block, "color") else tuple(block.diffuse_color))
-    return digest(block.node_tree)
+    return digest(block.node_tree, knobs=False)
 
 
 def _of_tree(tree: Any, path: str, depth: int) -> dict[str, Triple]:

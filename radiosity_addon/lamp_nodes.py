@@ -2,17 +2,16 @@
 
 from __future__ import annotations
 
-import os
 from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import Any
 
-import bpy
 import numpy as np
 from numpy.typing import NDArray
 
 from ..solver.luminaire import NATURAL, Fade, Falloff
-from . import compat, lamp_render, node_hash, shown_images
+from . import compat, lamp_render, shown_images
+from .digest import digest
 from .named_values import tell_named
 from .parts import Parts, whole
 from .sockets import Colour, Reader, feeding
@@ -97,25 +96,12 @@ def _read(data: Any, warnings: Warnings) -> LampEmission:
 
 def _evaluated(data: Any, falloff: Falloff) -> tuple[LampEmission, tuple[str, ...]]:
     """A lamp's nodes as Cycles evaluates them, from memory if it has, and what to tell of them."""
-    key = f"{data.type} {node_hash.tree_digest(data.node_tree)} {_profiles(data.node_tree)}"
+    key = digest(data.type, data.node_tree)
     if key not in _kept:
         if len(_kept) >= MOST_KEPT:
             _kept.clear()
         _kept[key] = (_face if data.type == "AREA" else _pattern)(data, falloff)
     return _kept[key]
-
-
-def _profiles(tree: Any) -> list[Any]:
-    """The IES profiles of a tree: texts by what is in them, files by their time."""
-    found: list[Any] = []
-    for node in tree.nodes:
-        if node.bl_idname == "ShaderNodeGroup" and node.node_tree is not None:
-            found += _profiles(node.node_tree)
-        elif node.bl_idname == "ShaderNodeTexIES":
-            path = bpy.path.abspath(node.filepath)
-            found.append(node.ies.as_string() if node.mode == "INTERNAL" and node.ies is not None else
-                         (path, os.path.getmtime(path) if os.path.isfile(path) else 0.0))
-    return found
 
 
 def _pattern(data: Any, falloff: Falloff) -> tuple[LampEmission, tuple[str, ...]]:

@@ -56,17 +56,6 @@ class MeshPart:
     active_colour: str
     texture_space: Float
 
-    def arrays(self) -> list[NDArray[Any]]:
-        """All that the values of nodes can depend on."""
-        normals = [] if self.corner_normals is None else [self.corner_normals]
-        return [self.positions, self.undeformed, self.triangles, *normals, self.texture_space,
-                *(values for _, _, _, values in self.attributes)]
-
-    def names(self) -> str:
-        """Names of layers and attributes, and which are active."""
-        told = [f"{name}:{kind}:{domain}" for name, kind, domain, _ in self.attributes]
-        return "|".join([*told, self.active_uv, self.active_colour])
-
     def uv(self, name: str) -> Float | None:
         """(t, 3, 2) coordinates of a UV map, "" for the active one; None if it is not there."""
         return next((values for other, kind, domain, values in self.attributes
@@ -87,12 +76,16 @@ def take_part(mesh: Any, arrays: MeshArrays, weights: dict[str, Float]) -> MeshP
         index = {"POINT": None, "CORNER": arrays.corner_ids, "FACE": arrays.face}.get(domain, False)
         if index is not False:
             attributes.append((attribute.name, kind, domain, values if index is None else values[index]))
-    active_uv = next((layer.name for layer in mesh.uv_layers if layer.active_render), "")
-    colours = mesh.color_attributes
-    colour = colours[colours.render_color_index].name if 0 <= colours.render_color_index < len(colours) else ""
     space = np.array([mesh.texspace_location[:], mesh.texspace_size[:]], np.float32)
     return MeshPart(read(mesh.vertices, "co", np.float32, 3), read(mesh.vertices, "undeformed_co", np.float32, 3),
-                    arrays.triangles, arrays.corner_normals, tuple(attributes), active_uv, colour, space)
+                    arrays.triangles, arrays.corner_normals, tuple(attributes), *active_layers(mesh), space)
+
+
+def active_layers(mesh: Any) -> tuple[str, str]:
+    """Names of the UV map and the colour attribute that nodes without a name mean; "" for none."""
+    colours = mesh.color_attributes
+    colour = colours[colours.render_color_index].name if 0 <= colours.render_color_index < len(colours) else ""
+    return next((layer.name for layer in mesh.uv_layers if layer.active_render), ""), colour
 
 
 def _mean_of_edges(mesh: Any, values: NDArray[Any]) -> NDArray[Any]:

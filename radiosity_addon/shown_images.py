@@ -15,6 +15,7 @@ from .warn import Warnings, warn
 IMAGE_NODES = frozenset({"ShaderNodeTexImage", "ShaderNodeTexEnvironment"})
 # Sources that come from a file; others are made in Blender.
 FROM_FILES = frozenset({"FILE", "SEQUENCE", "MOVIE", "TILED"})
+ANIMATED = frozenset({"SEQUENCE", "MOVIE"})
 RESTORE = "restore the file (File > External Data > Find Missing Files) or choose another image"
 # What of an animated image is baked, where Cycles is told the scene's frame and where it is not.
 PRESENT, FIRST = "its present frame", "what it shows in the scene's frame 1"
@@ -28,7 +29,7 @@ def images(tree: Any) -> list[Any]:
 def tell_animated(tree: Any, owner: str, code: str, frame: str, warnings: Warnings) -> None:
     """Tell which frame of sequences and movies is baked."""
     for image in images(tree):
-        if image.source in {"SEQUENCE", "MOVIE"}:
+        if image.source in ANIMATED:
             warn(warnings, owner, code, f"image {image.name!r} is a {image.source.lower()}: {frame} is baked")
 
 

@@ -14,6 +14,11 @@ def shown_nodes(tree: Any) -> Iterator[Any]:
     return _behind(output, {tree.name_full}) if output is not None else iter(())
 
 
+def shows(tree: Any, kinds: frozenset[str]) -> bool:
+    """Whether a tree's output shows a node of these kinds."""
+    return any(node.bl_idname in kinds for node in shown_nodes(tree))
+
+
 def _behind(output: Any, trees: set[str]) -> Iterator[Any]:
     """The nodes behind an output node, each once, those of groups in trees that are not known yet too."""
     feeding = _feeding(output.id_data)

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from ..solver.errors import RadiosityError
 from ..solver.scene import Texture
-from . import evaluate, node_hash, shown_images
+from . import evaluate, shown_images
 from .cycles_elsewhere import Elsewhere
 from .evaluate import Evaluated, Request
 from .images import mean_parts, texture_parts
@@ -26,6 +26,7 @@ from .mesh_arrays import MeshArrays
 from .mesh_part import at_corners, take_part
 from .named_values import named_values, vertex_weights
 from .parts import Parts, aside
+from .shown_nodes import shows
 from .sockets import Colour, ImageUse
 from .triangle_cells import Cells
 from .visible import Shown
@@ -128,7 +129,7 @@ class SurfaceMaterials:
             named = named_values(tree, item, place.material, self.warnings)
             request = evaluate.request(item, slot.material, part, shading, named)
             self._pending.append((place, request, order))
-            if node_hash.uses(tree, AROUND):
+            if shows(tree, AROUND):
                 warn(self.warnings, place.material, "material", "has Ambient Occlusion or Bevel nodes, which see "
                      "nothing here but the faces of this material on one object: bake them to an image first")
         else:

@@ -206,3 +206,15 @@ def test_a_mix_beyond_its_ends_goes_on_where_its_factor_is_not_clamped(colour):
     assert np.allclose(export().reflectance, 0.3)
     mix.clamp_factor = False
     assert np.allclose(export().reflectance, 0.4)
+
+
+def test_a_ramp_that_was_turned_is_evaluated_anew(colour):
+    # A ramp over noise, the same colour at both ends, then another. Exact answer: these colours.
+    tree = colour.id_data
+    ramp = tree.nodes.new("ShaderNodeValToRGB")
+    tree.links.new(tree.nodes.new("ShaderNodeTexNoise").outputs[0], ramp.inputs[0])
+    tree.links.new(ramp.outputs["Color"], colour)
+    for grey in (0.2, 0.6):
+        for element in ramp.color_ramp.elements:
+            element.color = (grey, grey, grey, 1)
+        assert np.allclose(export([]).reflectance, grey, atol=1e-4)
