@@ -24,8 +24,10 @@ def changes(old: Survey, new: Survey, groups: Sequence[Group], *, follows: bool)
 
 
 def reflect_otherwise(old: Survey, new: Survey) -> list[str]:
-    """Names of the materials whose reflectance may have changed, and of objects that have other materials."""
-    return [*_other_shapes(old, new), *_other_materials(old, new)]
+    """Names of the materials whose reflectance may have changed, and of objects that have other ones, or other values
+    that these read.
+    """
+    return list(dict.fromkeys([*_other_shapes(old, new), *_other_materials(old, new), *_other_values(old, new)]))
 
 
 def refuse(found: Sequence[str]) -> None:
@@ -53,10 +55,15 @@ def _objects(old: Survey, new: Survey, follows: bool) -> list[str]:
             found.append(f"the mesh of object {name!r} changed")
         if old.links.get(name) != new.links.get(name):
             found.append(f"object {name!r} has other light linking")
-    for name in _other_materials(old, new):
+        if old.missed.get(name) != new.missed.get(name):
+            found.append(f"object {name!r} has other ray visibility")
+    told = {name: f"object {name!r} has another {', '.join(values)}, which its materials read"
+            for name, values in _other_values(old, new).items()}
+    told |= {name: f"object {name!r} has other materials" for name in _other_materials(old, new)}
+    for name, message in told.items():
         shown = [survey.surfaces[material] for survey in (old, new) for material in survey.materials[name] if material]
         if not follows or any(_shines(source) for source in shown):
-            found.append(f"object {name!r} has other materials")
+            found.append(message)
     return found
 
 
@@ -64,6 +71,13 @@ def _other_materials(old: Survey, new: Survey) -> list[str]:
     """Objects in both whose materials are others."""
     return [name for name, materials in old.materials.items()
             if name in new.materials and new.materials[name] != materials]
+
+
+def _other_values(old: Survey, new: Survey) -> dict[str, list[str]]:
+    """Names of what materials read of an object, then as now, and found otherwise, by object in both."""
+    found = {name: [word for word, value in values.items() if new.read.get(name, {}).get(word, value) != value]
+             for name, values in old.read.items() if name in new.places}
+    return {name: words for name, words in found.items() if words}
 
 
 def _other_shapes(old: Survey, new: Survey) -> list[str]:

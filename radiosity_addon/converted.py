@@ -15,16 +15,22 @@ from .survey import Survey
 
 @dataclass(frozen=True)
 class Converted:
-    """A mesh object that stands for a surface: its name, and sums of its place and mesh when it was made."""
+    """A mesh object that stands for a surface.
+
+    object : its name.
+    place, mesh, read : sums of it when it was made, as `Survey` has them.
+    """
 
     object: str
     place: str
     mesh: str
+    read: dict[str, str]
 
 
 def converted(before: Sequence[Binding], after: Sequence[Binding], seen: Survey) -> dict[str, Converted]:
     """What was converted, by surface; `seen` is the scene after it."""
-    return {old.surface: Converted(new.object, seen.places[new.object], seen.meshes[new.object])
+    return {old.surface: Converted(new.object, seen.places[new.object], seen.meshes[new.object],
+                                   seen.read.get(new.object, {}))
             for old, new in zip(before, after, strict=True)
             if new.object != old.object and new.object in seen.places}
 
@@ -42,10 +48,13 @@ def as_before(seen: Survey, baked: Survey, made: Mapping[str, Converted]) -> Sur
     def renamed(values: Mapping[str, Any]) -> dict[str, Any]:
         return {surface_of.get(name, name): value for name, value in values.items()}
 
-    places, meshes = renamed(seen.places), renamed(seen.meshes)
+    places, meshes, read = renamed(seen.places), renamed(seen.meshes), renamed(seen.read)
     for surface, entry in made.items():
         if places[surface] == entry.place:
             places[surface] = baked.places[surface]
         if meshes[surface] == entry.mesh:
             meshes[surface] = baked.meshes[surface]
-    return replace(seen, places=places, meshes=meshes, materials=renamed(seen.materials), links=renamed(seen.links))
+        if read.get(surface, {}) == entry.read:
+            read[surface] = baked.read.get(surface, {})
+    return replace(seen, places=places, meshes=meshes, materials=renamed(seen.materials), links=renamed(seen.links),
+                   missed=renamed(seen.missed), read=read)

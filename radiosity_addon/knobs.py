@@ -7,11 +7,13 @@ from __future__ import annotations
 
 from typing import Any
 
+import bpy
 import numpy as np
 
 from . import compat
 from .digest import LIGHT_INPUTS, digest
-from .sockets import Triple
+from .reads import reads_material_index
+from .sockets import Triple, feeding
 
 # What the one knob of a world without nodes is called.
 FLAT = "color"
@@ -20,8 +22,8 @@ MOST_GROUPS = 16
 
 
 def knobs_of(block: Any) -> dict[str, Triple]:
-    """Colour times strength by the node's name, of a material or world; what is linked counts as 1."""
-    if block is None:
+    """Colour times strength by the node's name, of a material or world; what other nodes feed counts as 1."""
+    if block is None or (isinstance(block, bpy.types.World) and not block.cycles_visibility.diffuse):
         return {}
     if not compat.uses_nodes(block):
         return {FLAT: _triple(block.color)} if hasattr(block, "color") else {}
@@ -34,7 +36,8 @@ def rest_of(block: Any) -> str:
         return "nothing"
     if not compat.uses_nodes(block):
         return digest("flat" if hasattr(block, "color") else tuple(block.diffuse_color))
-    return digest(block.node_tree, knobs=False)
+    index = getattr(block, "pass_index", 0) if reads_material_index(block.node_tree) else 0
+    return digest(block.node_tree, index, knobs=False)
 
 
 def _of_tree(tree: Any, path: str, depth: int) -> dict[str, Triple]:
@@ -46,8 +49,8 @@ def _of_tree(tree: Any, path: str, depth: int) -> dict[str, Triple]:
             found |= _of_tree(node.node_tree, f"{path}{node.name}/", depth + 1)
         elif node.bl_idname in LIGHT_INPUTS:
             colour, strength = (node.inputs[name] for name in LIGHT_INPUTS[node.bl_idname])
-            value = np.ones(3) if colour.is_linked else np.array(colour.default_value[:3], np.float64)
-            if not strength.is_linked:
+            value = np.ones(3) if feeding(colour) is not None else np.array(colour.default_value[:3], np.float64)
+            if feeding(strength) is None:
                 value = value * strength.default_value
             found[path + node.name] = _triple(np.maximum(value, 0))
     return found

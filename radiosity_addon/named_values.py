@@ -29,13 +29,13 @@ def named_values(tree: Any, item: Shown, material: str, warnings: Warnings) -> N
     for kind, name in sorted(_asked(tree)):
         if kind == "GEOMETRY":
             continue
-        values = (_value(owner, name) for owner in _owners(kind, item))
-        found[kind, name] = next((value for value in values if value is not None), MISSING)
-        if found[kind, name] is MISSING:
+        value = value_of(kind, name, item)
+        found[kind, name] = MISSING if value is None else value
+        if value is None:
             stored = ("; what geometry nodes store on instances is not read: realize them, and set the node to Geometry"
                       if kind == "INSTANCER" else "")
             warn(warnings, item.original.name, "material", f"has no {name!r} for the Attribute node "
-                 f"({_title(kind)}) of material {material!r}: it counts as black{stored}")
+                 f"({title(kind)}) of material {material!r}: it counts as black{stored}")
     return found
 
 
@@ -43,15 +43,31 @@ def tell_named(data: Any, code: str, warnings: Warnings) -> None:
     """Tell what Attribute nodes of a world or lamp ask by name: Cycles is shown it without its scene and object."""
     for kind, name in sorted(_asked(data.node_tree)):
         if kind != "GEOMETRY" and not (kind == "VIEW_LAYER" and name in data):
-            warn(warnings, data.name, code, f"its Attribute node asks for {name!r} ({_title(kind)}), which is not "
+            warn(warnings, data.name, code, f"its Attribute node asks for {name!r} ({title(kind)}), which is not "
                  "looked up here and counts as black: use a driver or a plain value instead")
 
 
 def vertex_weights(tree: Any, item: Shown) -> dict[str, Float]:
     """The vertex groups that the Attribute nodes of a material's tree ask for: (vertices,) float32 each."""
-    groups = item.original.vertex_groups if item.own_mesh else {}
     names = {name for kind, name in _asked(tree) if kind == "GEOMETRY" and name not in item.mesh.attributes}
-    return {name: _weights(item.mesh, groups[name].index) for name in sorted(names) if name in groups}
+    found = ((name, weights_of(item, name)) for name in sorted(names))
+    return {name: weights for name, weights in found if weights is not None}
+
+
+def value_of(kind: str, name: str, item: Shown) -> Colour | None:
+    """What an Attribute node of a type other than Geometry finds by a name; None if nobody has it."""
+    values = (_value(owner, name) for owner in _owners(kind, item))
+    return next((value for value in values if value is not None), None)
+
+
+def weights_of(item: Shown, name: str) -> Float | None:
+    """(vertices,) float32 weights of a vertex group; None if there is no such."""
+    groups = item.original.vertex_groups if item.own_mesh else {}
+    if name not in groups:
+        return None
+    group = groups[name].index
+    return np.array([next((entry.weight for entry in vertex.groups if entry.group == group), 0.0)
+                     for vertex in item.mesh.vertices], np.float32)
 
 
 def _asked(tree: Any) -> set[tuple[str, str]]:
@@ -59,7 +75,8 @@ def _asked(tree: Any) -> set[tuple[str, str]]:
             if node.bl_idname == "ShaderNodeAttribute"}
 
 
-def _title(kind: str) -> str:
+def title(kind: str) -> str:
+    """Blender's name of whom an Attribute node asks."""
     return kind.replace("_", " ").title()
 
 
@@ -81,8 +98,3 @@ def _value(owner: Any, name: str) -> Colour | None:
     if not 0 < len(numbers) <= len(MISSING) or not all(isinstance(number, int | float) for number in numbers):
         return None
     return (*map(float, numbers), *(0.0, 0.0, 0.0, 1.0)[len(numbers):])
-
-
-def _weights(mesh: Any, group: int) -> Float:
-    return np.array([next((entry.weight for entry in vertex.groups if entry.group == group), 0.0)
-                     for vertex in mesh.vertices], np.float32)

@@ -12,6 +12,7 @@ from . import cache, compat, live_relight
 from .digest import LIGHT_INPUTS
 from .light_groups import Group
 from .relight_request import kept_in
+from .sockets import feeding
 from .world import rendered_world
 
 # Lights that the panel shows; more are counted.
@@ -115,7 +116,7 @@ def _draw_light(layout: Any, scene: Any, kind: str, name: str) -> None:
             return
         for node in block.node_tree.nodes:
             for socket in (node.inputs[word] for word in LIGHT_INPUTS.get(node.bl_idname, ())):
-                if not socket.is_linked:
+                if feeding(socket) is None:
                     box.prop(socket, "default_value", text=socket.name)
 
 

@@ -6,35 +6,38 @@ Quick beside an export (arrays are summed as Blender holds them), so that a reli
 from __future__ import annotations
 
 from collections import defaultdict
+from collections.abc import Callable
 from dataclasses import asdict, dataclass, field, fields, is_dataclass, replace
+from functools import partial
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ..solver.lights import Light
+from . import compat
 from .digest import digest
 from .knobs import knobs_of, rest_of
 from .lamp_nodes import Emissions, emission_parts
 from .lights import export_lights, lamp_data
 from .linking import Linking
+from .mesh_arrays import read
 from .mesh_layers import COLOURS_MARK, UV_MARK
+from .mesh_part import KINDS, active_layers
 from .parts import ENDLESS, Parts, whole
+from .reads import label, reads, what_is_read
 from .render_walk import Clock, walk
+from .shown_images import ANIMATED, images
 from .sockets import Triple
-from .visible import Shown, rendered_meshes
+from .visible import RAYS, Shown, rendered_meshes
 from .world import rendered_world
 
 # Fields of lamps that say how strong they are.
 STRENGTHS = frozenset({"flux", "irradiance_facing"})
 # What of a mesh's attributes matters beside UV maps and colours: shape, smoothness, which material.
 ATTRIBUTES = frozenset({"position", ".corner_vert", "sharp_face", "sharp_edge", "custom_normal", "material_index"})
-# Component, type and count of the attributes that are read, by Blender's name of the type.
-TYPES: dict[str, tuple[str, type[np.generic], int]] = {
-    "FLOAT": ("value", np.float32, 1), "INT": ("value", np.int32, 1), "BOOLEAN": ("value", np.bool_, 1),
-    "FLOAT2": ("vector", np.float32, 2), "FLOAT_VECTOR": ("vector", np.float32, 3),
-    "FLOAT_COLOR": ("color", np.float32, 4), "BYTE_COLOR": ("color", np.float32, 4), "INT16_2D": ("value", np.int16, 2),
-}
+# Component, type and count of the attributes that are read, by Blender's name of the type; the last is of normals.
+TYPES = {**KINDS, "INT16_2D": ("value", np.int16, 2)}
 LAYERS = frozenset({"FLOAT2", "FLOAT_COLOR", "BYTE_COLOR"})
 
 
@@ -53,6 +56,8 @@ class Survey:
     places, meshes : sums by object.
     materials : names by object.
     links : sums of what objects would be linked to as lights, by object, of those that are linked.
+    missed : the kinds of rays that miss an object, by object, of those that are missed by any.
+    read : sums of what an object's materials read of it, by object and name, of those that are read.
     lamps, surfaces, world : lights, `surfaces` by material.
     lamp_count : lamps that shine, instances counted one by one.
     """
@@ -61,6 +66,8 @@ class Survey:
     meshes: dict[str, str] = field(default_factory=dict)
     materials: dict[str, list[str]] = field(default_factory=dict)
     links: dict[str, str] = field(default_factory=dict)
+    missed: dict[str, list[str]] = field(default_factory=dict)
+    read: dict[str, dict[str, str]] = field(default_factory=dict)
     lamps: dict[str, Source] = field(default_factory=dict)
     surfaces: dict[str, Source] = field(default_factory=dict)
     world: Source = field(default_factory=lambda: Source("nothing", {}))
@@ -81,8 +88,7 @@ class Survey:
             return Source(entry["shape"], {name: tuple(rgb) for name, rgb in entry["strengths"].items()})
 
         lights = {word: {name: source(entry) for name, entry in kept[word].items()} for word in ("lamps", "surfaces")}
-        return cls(kept["places"], kept["meshes"], kept["materials"], kept["links"], **lights,
-                   world=source(kept["world"]), lamp_count=kept["lamp_count"])
+        return cls(**{**kept, **lights, "world": source(kept["world"])})
 
 
 def survey(scene: Any, view_layer: Any) -> Survey:
@@ -100,7 +106,7 @@ def survey_parts(scene: Any, view_layer: Any, part_seconds: float = ENDLESS) -> 
     """
     world = rendered_world(scene, view_layer)
     emissions = yield from emission_parts(lamp_data(scene), [])
-    looker = _Looker(emissions, Source(rest_of(world), knobs_of(world)))
+    looker = _Looker(emissions, world)
     yield from walk(scene, view_layer, looker.go_on, part_seconds)
     return looker.found
 
@@ -108,9 +114,10 @@ def survey_parts(scene: Any, view_layer: Any, part_seconds: float = ENDLESS) -> 
 class _Looker:
     """Goes through what a render shows, from part to part."""
 
-    def __init__(self, emissions: Emissions, world: Source) -> None:
-        self.found = Survey(world=world)
-        self._emissions = emissions
+    def __init__(self, emissions: Emissions, world: Any) -> None:
+        self.found = Survey()
+        self._emissions, self._world = emissions, world
+        self._reads: dict[str, frozenset[tuple[str, str]]] = {}
         self._done, self._lit = 0, False
 
     def go_on(self, depsgraph: Any, clock: Clock) -> bool:
@@ -120,13 +127,16 @@ class _Looker:
         if not self._lit:
             self._lit = True
             lamps = export_lights(depsgraph, linking, [], self._emissions)
-            self.found = replace(self.found, lamps=_lamps(lamps), lamp_count=len(lamps))
+            world = self._world.evaluated_get(depsgraph) if self._world is not None else None
+            self.found = replace(self.found, lamps=_lamps(lamps), lamp_count=len(lamps),
+                                 world=Source(rest_of(world), knobs_of(world)))
         for material in (material for item in shown for material in item.materials):
             if material is not None and material.name_full not in self.found.surfaces:
-                self.found.surfaces[material.name_full] = Source(rest_of(material), knobs_of(material))
+                self.found.surfaces[material.name_full] = _surface(material, depsgraph.scene.frame_current)
+                self._reads[material.name_full] = reads(material)
                 if clock.is_over():
                     return False
-        known: dict[int, str] = {}
+        known: dict[tuple[int, str], str] = {}
         while self._done < len(shown):
             self._add(shown[self._done], known, linking)
             self._done += 1
@@ -134,18 +144,35 @@ class _Looker:
                 break
         return self._done >= len(shown)
 
-    def _add(self, item: Shown, known: dict[int, str], linking: Linking) -> None:
+    def _add(self, item: Shown, known: dict[tuple[int, str], str], linking: Linking) -> None:
         """A mesh; `known` has sums of this dependency graph's meshes, which many objects may show."""
+        def of_mesh(word: str, values: Callable[[], Any]) -> str:
+            key = item.mesh.as_pointer(), word
+            if key not in known:
+                known[key] = digest(values())
+            return known[key]
+
         self.found.places[item.name] = digest(np.round(item.matrix, 9))
-        pointer = item.mesh.as_pointer()
-        if pointer not in known:
-            known[pointer] = digest(*_mesh(item.mesh))
-        self.found.meshes[item.name] = known[pointer]
+        self.found.meshes[item.name] = of_mesh("", partial(_mesh, item.mesh))
         self.found.materials[item.name] = [material.name_full if material is not None else ""
                                            for material in item.materials]
         links = linking.of(item.original)
         if links is not None:
             self.found.links[item.name] = digest(links)
+        missed = [word for word in RAYS if not getattr(item.original, word)]
+        if missed:
+            self.found.missed[item.name] = missed
+        asked = {one for material in item.materials if material is not None for one in self._reads[material.name_full]}
+        if asked:
+            self.found.read[item.name] = {
+                label(kind, name): of_mesh(name, value) if kind == "GEOMETRY" else digest(value())
+                for kind, name in sorted(asked) for value in (partial(what_is_read, kind, name, item),)}
+
+
+def _surface(material: Any, frame: int) -> Source:
+    """A material; `frame` counts where it shows an image that changes with it."""
+    moves = compat.uses_nodes(material) and any(image.source in ANIMATED for image in images(material.node_tree))
+    return Source(digest(rest_of(material), frame if moves else None), knobs_of(material))
 
 
 def _lamps(lights: tuple[Light, ...]) -> dict[str, Source]:
@@ -170,6 +197,7 @@ def _shape(light: Light) -> list[Any]:
 
 def _mesh(mesh: Any) -> list[Any]:
     """Names and values of what counts."""
+    active = active_layers(mesh)
     ours = {mesh.get(UV_MARK, ""), *dict(mesh.get(COLOURS_MARK) or {}).values()}
     found: list[Any] = [len(mesh.vertices), len(mesh.loops), len(mesh.polygons), _starts(mesh)]
     for name in sorted(mesh.attributes.keys()):
@@ -177,10 +205,10 @@ def _mesh(mesh: Any) -> list[Any]:
         layer = attribute.data_type in LAYERS and name not in ours and not name.startswith(".")
         if not (name in ATTRIBUTES or layer) or attribute.data_type not in TYPES:
             continue
-        values = _values(attribute)
+        values = read(attribute.data, *TYPES[attribute.data_type])
         # A layer of zeros says as little as none: such is the map that a mesh without any gets beside ours.
         if not layer or values.any():
-            found += [name, attribute.domain, values]
+            found += [name, attribute.domain, values, layer and name in active]
     if mesh.has_custom_normals:
         normals = np.empty(len(mesh.loops) * 3, np.float32)
         mesh.corner_normals.foreach_get("vector", normals)
@@ -192,10 +220,3 @@ def _starts(mesh: Any) -> NDArray[np.int32]:
     starts = np.empty(len(mesh.polygons), np.int32)
     mesh.polygons.foreach_get("loop_start", starts)
     return starts
-
-
-def _values(attribute: Any) -> NDArray[Any]:
-    component, kind, count = TYPES[attribute.data_type]
-    values = np.empty(len(attribute.data) * count, kind)
-    attribute.data.foreach_get(component, values)
-    return values

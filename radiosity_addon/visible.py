@@ -13,6 +13,8 @@ from ..solver.errors import SceneError
 from .object_random import random_of
 from .warn import Warnings, warn
 
+# Kinds of rays that lightmaps know, by Blender's words for whether they meet an object.
+RAYS = ("visible_shadow", "visible_diffuse")
 # What `persistent_id` is filled up with.
 NO_STEP = 2**31 - 1
 

@@ -125,6 +125,39 @@ def test_an_image_and_another_material_are_followed(room):
     assert light() == pytest.approx(expected, rel=0.03)
 
 
+def test_the_colour_that_a_material_reads_of_its_object_is_followed(room):
+    # Paint of the object's own colour. Exact answer: as by paint of that colour; where it glows, it needs a bake.
+    material, item = bpy.data.materials["Room paint"], bpy.data.objects["Room"]
+    info = material.node_tree.nodes.new("ShaderNodeObjectInfo")
+    material.node_tree.links.new(info.outputs["Color"], room.shader(material).inputs["Base Color"])
+    item.color = (*GREY, 1)
+    bpy.ops.radiosity.bake()
+    before = light()
+    item.color = (*RED, 1)
+    relight()
+    assert light() == pytest.approx(before * 0.5 / (1 - np.array(RED)), rel=0.03)
+    room.shader(material).inputs["Emission Strength"].default_value = 1.0
+    bpy.ops.radiosity.bake()
+    item.color = (*GREY, 1)
+    refused(r"object 'Room' has another 'color' \(Object Info\), which its materials read")
+
+
+def test_live_follows_a_node_that_keeps_its_colour_in_its_output(room):
+    # Live switched on, the paint's RGB node turned. Exact answer: the light of the new paint.
+    material = bpy.data.materials["Room paint"]
+    rgb = material.node_tree.nodes.new("ShaderNodeRGB")
+    rgb.outputs[0].default_value = (*GREY, 1)
+    material.node_tree.links.new(rgb.outputs[0], room.shader(material).inputs["Base Color"])
+    bpy.ops.radiosity.bake()
+    before = light()
+    scene = bpy.context.scene
+    scene.radiosity.live_relight = True
+    rgb.outputs[0].default_value = (*RED, 1)
+    live_relight.update()
+    assert live_relight.problem(scene) == ""
+    assert light() == pytest.approx(before * 0.5 / (1 - np.array(RED)), rel=0.03)
+
+
 def test_what_else_a_material_changes_needs_a_bake(room):
     # Glass in place of paint; a material that glows, and then changes its colour too. Exact answer: each is said.
     bpy.ops.radiosity.bake()
