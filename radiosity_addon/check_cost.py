@@ -16,6 +16,7 @@ from ..solver.layout import world_areas
 from ..solver.scene import Scene
 from ..solver.settings import DEFAULT_PAGE, Settings
 from ..solver.sources import light_sources
+from ..solver.vertices import sample_count
 
 # Part of a page that charts cover, about.
 FILL = 0.7
@@ -36,7 +37,7 @@ TRIAL = 1 << 16
 
 @dataclass(frozen=True)
 class Cost:
-    """About what a bake takes: lumels (or corners), bytes beside Blender's own, seconds."""
+    """About what a bake takes: lumels (or samples in triangles), bytes beside Blender's own, seconds."""
 
     lumels: int
     memory_bytes: int
@@ -67,9 +68,9 @@ def expected_rays(geometry: Geometry, settings: Settings, lumels: int) -> float:
 
 def _lumels(scene: Scene, settings: Settings) -> int:
     """Lumels of an unwrap that has not been made."""
-    receiving = [item for item in scene.surfaces if item.receives]
     if settings.target == "vertex":
-        return 3 * sum(item.count for item in receiving)
+        return sample_count(scene, settings)
+    receiving = [item for item in scene.surfaces if item.receives]
     pages = settings.max_pages if settings.effective_atlas == "shared" else len(receiving)
     if settings.texel_density is not None:
         areas = world_areas(scene)

@@ -42,7 +42,7 @@ class CornerSamples:
     @classmethod
     def of(cls, area: Float, settings: Settings) -> CornerSamples:
         """The samples of triangles with areas (t,) m2, 0 for those that get none."""
-        cuts = _cuts(area, settings)
+        cuts = cuts_of(area, settings)
         first = np.cumsum(cuts**2) - cuts**2
         triangle = np.repeat(np.arange(len(area)), cuts**2)
         k = cuts[triangle]
@@ -76,7 +76,7 @@ class CornerSamples:
         return np.where(k > 0, self.first[triangle] + i * k + j, -1)
 
 
-def _cuts(area: Float, settings: Settings) -> Int:
+def cuts_of(area: Float, settings: Settings) -> Int:
     """(t,) k of the k x k parts of each triangle; 0 without area."""
     density = settings.texel_density
     part = 1 / density**2 if density else max(float(area.sum()) / SAMPLES, 1e-300)

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .components import components, shared_edges
-from .corner_samples import CornerSamples
+from .corner_samples import CornerSamples, cuts_of
 from .layout import flat_triangles, receiving, world_areas
 from .lumels import place
 from .mesh_walks import sample_neighbours
@@ -61,9 +61,7 @@ def corner_receivers(scene: Scene, settings: Settings, run: Run) -> tuple[Receiv
     NothingToBake
         If no object receives light.
     """
-    chosen = receiving(scene, settings)
-    triangle = np.concatenate([np.arange(len(scene.triangles))[scene.surfaces[index].triangles] for index in chosen])
-    area = np.where(flat_triangles(scene), 0, world_areas(scene))[triangle]
+    chosen, triangle, area = _chosen_triangles(scene, settings)
     samples = CornerSamples.of(area, settings)
     own = triangle[samples.triangle]
     position, normal = place(scene, own, samples.weight)
@@ -73,6 +71,25 @@ def corner_receivers(scene: Scene, settings: Settings, run: Run) -> tuple[Receiv
                           samples.weight.astype(np.float32), footprint)
     fitter = _Fitter(scene, chosen, triangle, area, samples)
     return receivers, sample_neighbours(_corners(scene, triangle), fitter.node, samples, run), fitter.fit
+
+
+def sample_count(scene: Scene, settings: Settings) -> int:
+    """How many receivers `corner_receivers` makes, without making them.
+
+    Raises
+    ------
+    NothingToBake
+        If no object receives light.
+    """
+    *_, area = _chosen_triangles(scene, settings)
+    return int((cuts_of(area, settings) ** 2).sum())
+
+
+def _chosen_triangles(scene: Scene, settings: Settings) -> tuple[list[int], Int, Float]:
+    """The objects that are baked, their triangles (t,), and the areas of these (t,) in m2, 0 for flat ones."""
+    chosen = receiving(scene, settings)
+    triangle = np.concatenate([np.arange(len(scene.triangles))[scene.surfaces[index].triangles] for index in chosen])
+    return chosen, triangle, np.where(flat_triangles(scene), 0, world_areas(scene))[triangle]
 
 
 def _corners(scene: Scene, triangle: Int) -> Float:

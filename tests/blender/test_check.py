@@ -11,7 +11,16 @@ import numpy as np
 import pytest
 from radiosity import operators
 from radiosity.radiosity_addon.check import check, find
-from radiosity.radiosity_addon.check_cost import expected_rays
+from radiosity.radiosity_addon.check_cost import (
+    BYTES,
+    BYTES_LUMEL,
+    BYTES_TRIANGLE,
+    FILL,
+    SECONDS_RAY,
+    SECONDS_TRIANGLE,
+    expected_cost,
+    expected_rays,
+)
 from radiosity.radiosity_addon.export import export_scene
 from radiosity.radiosity_addon.request import Request
 from radiosity.solver.bake import bake
@@ -300,9 +309,10 @@ def test_the_list_is_written_for_other_programs_too(stage, tmp_path, capsys):
     report = json.loads(path.read_text())
     assert [(entry["object"], entry["code"]) for entry in report["warnings"]] == [("Sun", "no_size")]
     assert report["bakes"] == ["Square"]
-    assert report["expected"]["lumels"] > 0
-    assert report["expected"]["memory_bytes"] > 0
-    assert report["expected"]["seconds"] > 0
+    lumels = int(FILL * 64**2)
+    assert report["expected"]["lumels"] == lumels
+    assert report["expected"]["memory_bytes"] == BYTES + lumels * BYTES_LUMEL + 2 * BYTES_TRIANGLE
+    assert report["expected"]["seconds"] > 2 * SECONDS_TRIANGLE
     assert not (tmp_path / "out").exists()
     assert "bakes       Square" in capsys.readouterr().out
 
@@ -345,16 +355,28 @@ def test_the_operator_keeps_the_list_for_the_panel(stage):
         operators.unregister()
 
 
-@pytest.mark.parametrize(("lamps", "error"), [(1, 0.1), (1, 0.03), (9, 0.1)])
-def test_the_work_that_is_foretold_is_about_that_of_the_bake(build, lamps, error):
-    # A grey room of 256 x 256 pixels under one lamp or nine. Within a factor of three, the rays of the bake.
-    build.cube("Room", 2.0, material=(0.5, 0.5, 0.5)).data.flip_normals()
+@pytest.mark.parametrize(("lamps", "error", "target"), [
+    (1, 0.1, "lightmap"), (1, 0.03, "lightmap"), (9, 0.1, "lightmap"), (1, 0.1, "vertex")])
+def test_the_work_that_is_foretold_is_about_that_of_the_bake(build, lamps, error, target):
+    # A grey room of 256 x 256 pixels, or of 192 triangles with vertex colours, under one lamp or nine. Within a factor
+    # of two, the lumels of the bake, and within three, its rays. Memory and time are what they are made of.
+    room = build.cube("Room", 2.0, material=(0.5, 0.5, 0.5))
+    room.data.flip_normals()
+    if target == "vertex":
+        cuts = room.modifiers.new("Cuts", "SUBSURF")
+        cuts.subdivision_type, cuts.levels, cuts.render_levels = "SIMPLE", 2, 2
     for number in range(lamps):
         data = bpy.data.lights.new("Lamp", "POINT")
         data.shadow_soft_size = 0.1
         build.object("Lamp", data).location = (number % 3 * 0.5 - 0.5, number // 3 * 0.5 - 0.5, 0.5)
-    settings = Settings(error=error, resolution=256)
+    settings = Settings(error=error, target=target, resolution=256 if target == "lightmap" else None)
     scene = export_scene(bpy.context.scene, bpy.context.view_layer, settings, []).scene
     report = bake(scene, settings).report
-    foretold = expected_rays(Geometry(scene), settings, report["lumels"])
-    assert 1 / 3 < foretold / report["rays"] < 3
+    geometry = Geometry(scene)
+    assert 1 / 3 < expected_rays(geometry, settings, report["lumels"]) / report["rays"] < 3
+    foretold = expected_cost(geometry, settings)
+    assert 1 / 2 < foretold.lumels / report["lumels"] < 2
+    assert foretold.memory_bytes == BYTES + foretold.lumels * BYTES_LUMEL + len(scene.triangles) * BYTES_TRIANGLE
+    # A thread shoots between a hundred thousand and a hundred million rays a second.
+    rays = expected_rays(geometry, settings, foretold.lumels) / settings.thread_count
+    assert 1e-8 < (foretold.seconds - len(scene.triangles) * SECONDS_TRIANGLE) / rays - SECONDS_RAY < 1e-5
