@@ -31,6 +31,7 @@ from .check_views import check_views
 from .export import Exported, export_scene
 from .request import Request, remove_empty
 from .summary import print_warnings
+from .visible import rendered_objects
 from .warn import Warnings, warn
 
 
@@ -135,6 +136,6 @@ def _places(view_layer: Any) -> dict[str, NDArray[np.floating[Any]]]:
 
 def _materials(view_layer: Any) -> list[Any]:
     """The materials of the objects that a render shows, each once."""
-    used = {slot.material.name_full: slot.material for item in view_layer.objects if not item.hide_render
+    used = {slot.material.name_full: slot.material for item in rendered_objects(view_layer)
             for slot in item.material_slots if slot.material is not None}
     return list(used.values())

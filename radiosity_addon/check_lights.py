@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
+from .visible import rendered_objects
 from .warn import Warnings, warn
 
 # Properties that hold a lamp's size, by its kind; all of them have to be 0 for it to have none.
@@ -12,8 +13,8 @@ SIZES = {"POINT": ("shadow_soft_size",), "SPOT": ("shadow_soft_size",), "SUN": (
 
 def check_lights(view_layer: Any, warnings: Warnings) -> None:
     """Tell of the lamps that a render shows."""
-    for item in view_layer.objects:
-        if item.type != "LIGHT" or item.hide_render:
+    for item in rendered_objects(view_layer):
+        if item.type != "LIGHT":
             continue
         data = item.data
         if data.energy == 0 or not any(data.color):

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable
 from typing import Any
 
 import numpy as np
@@ -12,6 +12,7 @@ from ..solver.mesh_faults import find_faults, inward
 from ..solver.scene import Scene
 from .binding import Binding
 from .giants import giants
+from .visible import rendered_objects
 from .warn import Warnings, warn
 
 Float = NDArray[np.floating[Any]]
@@ -60,20 +61,10 @@ def check_meshes(scene: Scene, places: dict[str, Float], warnings: Warnings) -> 
 def check_faces(view_layer: Any, bindings: Iterable[Binding], warnings: Warnings) -> None:
     """Tell of the meshes of which a render shows nothing, as they have no faces and make none."""
     shown = {name for binding in bindings for name in (binding.object, binding.instancer)}
-    for item in dict.fromkeys(_rendered(view_layer.layer_collection)):
+    for item in rendered_objects(view_layer):
         if item.type == "MESH" and not item.data.polygons and item.name not in shown:
             warn(warnings, item.name, "no_faces", "has no faces, and nothing of it is baked: fill it (Mesh > Face in "
                  "Edit Mode), or hide it from renders")
-
-
-def _rendered(layer: Any) -> Iterator[Any]:
-    """The objects of a layer's collections that are not hidden from renders."""
-    if layer.collection.hide_render:
-        return
-    if not layer.exclude:
-        yield from (item for item in layer.collection.objects if not item.hide_render)
-    for child in layer.children:
-        yield from _rendered(child)
 
 
 def _giants(scene: Scene, warnings: Warnings) -> None:

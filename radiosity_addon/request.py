@@ -61,6 +61,8 @@ class Request:
     def check_writable(self) -> list[Path]:
         """Fail before the long work if a result could not be written; the folders that had to be made for it.
 
+        They are listed the outermost first; none of them stays where it fails.
+
         Raises
         ------
         OutputError
@@ -71,13 +73,18 @@ class Request:
         self.refuse_names()
         files = [path for path in (self.report_path, self.save) if path is not None]
         made: list[Path] = []
-        for folder in dict.fromkeys([*([self.output] if self.output else []), *(path.parent for path in files)]):
-            made += _check_folder(folder)
-        for path in files:
-            if path.exists() and not path.is_file():
-                raise OutputError(f"{path} is no file: give the name of a file")
-            if path.exists() and not os.access(path, os.W_OK):
-                raise OutputError(f"{path} may not be written: change its rights or choose another name")
+        try:
+            for folder in dict.fromkeys([*([self.output] if self.output else []), *(path.parent for path in files)]):
+                made += (path for path in (*reversed(folder.parents), folder) if not os.path.exists(path))
+                _check_folder(folder)
+            for path in files:
+                if path.exists() and not path.is_file():
+                    raise OutputError(f"{path} is no file: give the name of a file")
+                if path.exists() and not os.access(path, os.W_OK):
+                    raise OutputError(f"{path} may not be written: change its rights or choose another name")
+        except (OutputError, OSError):
+            remove_empty(made)
+            raise
         return made
 
     def refuse_names(self) -> None:
@@ -135,12 +142,8 @@ def remove_empty(folders: Iterable[Path]) -> None:
             folder.rmdir()
 
 
-def _check_folder(folder: Path) -> list[Path]:
-    """Make the folder and try to write in it: rights alone don't tell on network drives or as root.
-
-    Returns the folders that were not there, the outermost first.
-    """
-    made = [path for path in (*reversed(folder.parents), folder) if not path.exists()]
+def _check_folder(folder: Path) -> None:
+    """Make the folder and try to write in it: rights alone don't tell on network drives or as root."""
     try:
         folder.mkdir(parents=True, exist_ok=True)
         with tempfile.TemporaryFile(dir=folder):
@@ -149,4 +152,3 @@ def _check_folder(folder: Path) -> list[Path]:
         reason = (cause.strerror or type(cause).__name__).lower()
         raise OutputError(f"folder {folder} can't be written to ({reason}): "
                           "change its rights or choose another folder") from cause
-    return made

@@ -11,6 +11,8 @@ from typing import Any
 
 import bpy
 
+from .visible import rendered_objects
+
 # Modifiers without settings of their own for renders, and with the same result in both. Not: subdivisions (levels, and
 # the graphics card's part in them), screws, oceans, particles, fluids, read files.
 SAME_IN_BOTH = frozenset({
@@ -28,7 +30,7 @@ TELLS_APART = "GeometryNodeIsViewport"
 def has_the_same_objects(view_layer: Any) -> bool:
     """Whether the viewport shows those objects that a render does, if not with the same modifiers."""
     shown = {item for item in view_layer.objects if item.visible_get(view_layer=view_layer)}
-    return shown == _rendered(view_layer.layer_collection)
+    return shown == set(rendered_objects(view_layer))
 
 
 def is_the_same(scene: Any, view_layer: Any) -> bool:
@@ -43,14 +45,6 @@ def is_the_same(scene: Any, view_layer: Any) -> bool:
         and all(collection.hide_viewport == collection.hide_render for collection in bpy.data.collections)
         and not _tell_apart(bpy.data.node_groups)
     )
-
-
-def _rendered(layer: Any) -> set[bpy.types.Object]:
-    """The objects of a layer's collection, and of those in it, that a render shows."""
-    if layer.collection.hide_render:
-        return set()
-    own = () if layer.exclude else layer.collection.objects
-    return {item for item in own if not item.hide_render}.union(*map(_rendered, layer.children))
 
 
 def _evaluates_the_same(item: Any) -> bool:

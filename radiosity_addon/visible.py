@@ -1,8 +1,9 @@
-"""What a render shows as meshes: objects, curves and text, and every instance by itself."""
+"""What a render shows: objects, and as meshes these, curves and text, and every instance by itself."""
 
 from __future__ import annotations
 
 from collections import Counter
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -47,6 +48,23 @@ class Shown:
     materials: tuple[Any, ...]
     random: float
     own_mesh: bool
+
+
+def rendered_objects(view_layer: Any) -> list[Any]:
+    """The objects that a render of a view layer shows, in the order of its collections, each once; not their instances.
+
+    Neither they nor a collection that they are in are hidden from renders, and the layer does not exclude it.
+    """
+    return list(dict.fromkeys(_of_layer(view_layer.layer_collection)))
+
+
+def _of_layer(layer: Any) -> Iterator[Any]:
+    if layer.collection.hide_render:
+        return
+    if not layer.exclude:
+        yield from (item for item in layer.collection.objects if not item.hide_render)
+    for child in layer.children:
+        yield from _of_layer(child)
 
 
 def rendered_meshes(depsgraph: Any, warnings: Warnings) -> list[Shown]:

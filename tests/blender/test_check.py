@@ -239,6 +239,31 @@ def test_a_lamp_without_size_is_told(stage, kind, size):
     fires_and_not("Bulb", "no_size", lambda: setattr(lamp.data, size, 0.1))
 
 
+@pytest.mark.parametrize("hide", ["item", "collection", "outer collection", "layer"])
+def test_what_a_render_hides_is_not_told(stage, hide):
+    # A lamp without power and a plate whose image is missing, both in a collection within another. Exact answer: both
+    # are told; neither once they, or one of these collections, are hidden from renders or left out of the layer.
+    outer, inner = (bpy.data.collections.new(name) for name in ("Outer", "Inner"))
+    bpy.context.scene.collection.children.link(outer)
+    outer.children.link(inner)
+    image = bpy.data.images.new("Bricks", 2, 2)
+    image.source, image.filepath = "FILE", "/nowhere/bricks.png"
+    hidden = [stage.object("Bulb", bpy.data.lights.new("Bulb", "POINT")),
+              stage.mesh("Plate", material=stage.textured("Wall", image))]
+    hidden[0].data.energy = 0
+    for item in hidden:
+        item.users_collection[0].objects.unlink(item)
+        inner.objects.link(item)
+    found = find(bpy.context.scene, bpy.context.view_layer, Settings(**SETTINGS))
+    told = {(entry["object"], entry["code"]) for entry in found.warnings}
+    assert {("Bulb", "no_power"), ("Wall", "missing_image")} <= told
+    if hide == "layer":
+        bpy.context.view_layer.layer_collection.children["Outer"].children["Inner"].exclude = True
+    for item in {"item": hidden, "collection": [inner], "outer collection": [outer], "layer": []}[hide]:
+        item.hide_render = True
+    assert find(bpy.context.scene, bpy.context.view_layer, Settings(**SETTINGS)).warnings == []
+
+
 def test_a_lamp_without_power_is_told(stage):
     lamp = stage.object("Bulb", bpy.data.lights.new("Bulb", "POINT"))
     lamp.data.energy = 0

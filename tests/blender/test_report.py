@@ -46,6 +46,17 @@ def test_a_folder_that_is_a_file_is_refused_before_the_bake(tmp_path: Path) -> N
         Request(output=tmp_path / "taken").check_writable()
 
 
+@pytest.mark.parametrize("report_path", ["taken/report.json", "new/deep/taken.json/report.json", "taken.json"])
+def test_a_refusal_leaves_no_folder_behind(tmp_path: Path, report_path: str) -> None:
+    # New folders for the images, and a report that can't be: in a file, in a folder with an impossible name, a folder.
+    (tmp_path / "taken").touch()
+    (tmp_path / "taken.json").mkdir()
+    place = tmp_path / report_path.replace("deep", "deep/" + "x" * 300)
+    with pytest.raises(OutputError):
+        Request(output=tmp_path / "new" / "deep", report=place).check_writable()
+    assert {item.name for item in tmp_path.iterdir()} == {"taken", "taken.json"}
+
+
 @pytest.mark.parametrize("text", ["BLENDER-v402", '{"scene": "mine"}', '{"scene": ', "[1]", "notes"])
 def test_a_report_takes_the_place_of_no_other_file(tmp_path: Path, text: str) -> None:
     # A file of the user's by the report's name, given or in the output folder. Exact answer: refused before any work,
