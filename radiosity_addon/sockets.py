@@ -231,7 +231,12 @@ class Reader:
         return "", plain
 
     def _mapping(self, node: Any) -> NDArray[np.float64]:
-        """(2, 3) matrix of a Mapping node: p -> R S p + T as a point, R^-1 S^-1 (p - T) as a texture."""
+        """(2, 3) matrix of a Mapping node: p -> R S p + T as a point, S^-1 R^-1 (p - T) as a texture."""
+        source = self.source(node.inputs["Vector"])
+        if source is None or not source.is_output:
+            self.guess("its Mapping node has one place for all of an image: the active UV map is used")
+        if node.vector_type == "NORMAL":
+            self.guess("its Mapping node makes unit vectors: they are used before that")
         values = {name: np.zeros(3) for name in ("Location", "Rotation", "Scale")}
         for name in values:
             if name in node.inputs and node.inputs[name].enabled:
@@ -244,6 +249,8 @@ class Reader:
         turn = np.array([[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]])
         linear, offset = turn @ np.diag(scale), values["Location"][:2]
         if node.vector_type == "TEXTURE":
+            if not scale.all():
+                self.guess("its Mapping node has scale 0, which nothing can be divided by: 1 is used")
             linear = np.linalg.inv(np.where(np.eye(2) == 1, np.diag(np.where(scale == 0, 1.0, scale)), 0.0)) @ turn.T
             offset = -linear @ offset
         elif node.vector_type != "POINT":

@@ -101,6 +101,14 @@ def build() -> Iterator[Builder]:
 
 
 @pytest.fixture
+def grid(build: Any) -> Any:
+    """A ruffled grid under a sun, for materials against Cycles (see `ruffled_grid.py`)."""
+    from radiosity.tests.blender.ruffled_grid import ruffled_grid
+
+    return ruffled_grid(build)
+
+
+@pytest.fixture
 def stage() -> Any:
     """A black world with two receivers and a plate above one of them, for light against Cycles (see `stage.py`)."""
     from radiosity.tests.blender.stage import set_stage

@@ -1,116 +1,19 @@
 """Each kind of material against Cycles: what we export of it, and what Cycles' own bakes of the same surface show.
 
-The surface is a ruffled grid of 1.2 m with a UV map, 24 x 24 lumels. Reflectance is compared with Cycles' DIFFUSE bake
-of colour alone, emission with its EMIT bake, in the middle of each lumel: to 1 % of the mean, root mean square.
+Reflectance is compared with Cycles' DIFFUSE bake of colour alone, emission with its EMIT bake, in the middle of each
+lumel of the ruffled grid: to 1 % of the mean, root mean square.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from typing import Any
 
 import bpy
 import numpy as np
 import pytest
 from radiosity.solver.geometry import Geometry
-from radiosity.solver.scene import Scene
+from radiosity.tests.blender.ruffled_grid import GRID, assert_agree, cycles, diffuse, node, ours
 from radiosity.tests.blender.stage import export, geometry_nodes
-
-SIDE = 24
-GRID = 6
-WIDTH = 1.2
-TOLERANCE = 0.01
-Make = Callable[[Any, Any], Any]
-
-
-@pytest.fixture
-def grid(build):
-    """A ruffled grid with a UV map, smooth, under a sun."""
-    build.sun()
-    across = np.linspace(0, 1, GRID + 1)
-    x, y = np.meshgrid(across, across)
-    height = 0.08 * np.sin(5 * x + 2) * np.cos(4 * y)
-    points = np.column_stack([WIDTH * x.ravel(), WIDTH * y.ravel(), height.ravel()])
-    low = np.arange(GRID * (GRID + 1)).reshape(GRID, GRID + 1)[:, :-1].ravel()
-    item = build.mesh("Grid", points, np.column_stack([low, low + 1, low + GRID + 2, low + GRID + 1]).tolist())
-    layer = item.data.uv_layers.new(name="Paint")
-    corner = np.array([loop.vertex_index for loop in item.data.loops])
-    layer.uv.foreach_set("vector", np.column_stack([x.ravel(), y.ravel()])[corner].astype(np.float32).ravel())
-    item.data.polygons.foreach_set("use_smooth", np.ones(GRID * GRID, bool))
-    return item
-
-
-def diffuse(build: Any, make: Make) -> Any:
-    """A Diffuse BSDF whose colour is what `make(tree, material)` gives."""
-    material = build.material("Kind", (1, 1, 1))
-    tree = material.node_tree
-    node = tree.nodes.new("ShaderNodeBsdfDiffuse")
-    tree.links.new(make(tree, material), node.inputs["Color"])
-    tree.links.new(node.outputs[0], tree.get_output_node("CYCLES").inputs["Surface"])
-    return material
-
-
-def node(tree: Any, kind: str, inputs: dict[Any, Any] | None = None, **settings: Any) -> Any:
-    """A new node with settings, and inputs that are values or sockets."""
-    made = tree.nodes.new(f"ShaderNode{kind}")
-    for name, value in settings.items():
-        setattr(made, name, value)
-    for name, value in (inputs or {}).items():
-        if isinstance(value, bpy.types.NodeSocket):
-            tree.links.new(value, made.inputs[name])
-        else:
-            made.inputs[name].default_value = value
-    return made
-
-
-def cycles(item: Any, kind: str) -> np.ndarray:
-    """(24, 24, 3): Cycles' bake of the item's only material."""
-    scene = bpy.context.scene
-    before = scene.render.engine
-    scene.render.engine = "CYCLES"
-    scene.cycles.device, scene.cycles.samples = "CPU", 1
-    scene.cycles.use_adaptive_sampling = scene.cycles.use_denoising = False
-    image = bpy.data.images.new("Reference", SIDE, SIDE, float_buffer=True)
-    image.colorspace_settings.name = "Non-Color"
-    tree = item.data.materials[0].node_tree
-    tree.nodes.active = tree.nodes.new("ShaderNodeTexImage")
-    tree.nodes.active.image = image
-    bpy.context.view_layer.objects.active = item
-    item.select_set(True)
-    bpy.ops.object.bake(type=kind, pass_filter={"COLOR"}, margin=0, uv_layer="Paint")
-    scene.render.engine = before
-    tree.nodes.remove(tree.nodes.active)
-    return np.array(image.pixels[:]).reshape(SIDE, SIDE, 4)[..., :3]
-
-
-def ours(scene: Scene, look: Callable[..., Any]) -> np.ndarray:
-    """(24, 24, 3): what the exported scene has in the middle of each lumel; `look` asks for it at u, v of triangles."""
-    middle = (np.arange(SIDE) + 0.5) / SIDE * WIDTH
-    x, y = (part.ravel() for part in np.meshgrid(middle, middle))
-    corner = np.asarray(scene.vertices)[scene.triangles][..., :2]
-    a, ab, ac = corner[:, 0], corner[:, 1] - corner[:, 0], corner[:, 2] - corner[:, 0]
-    determinant = ab[:, 0] * ac[:, 1] - ab[:, 1] * ac[:, 0]
-    off = np.stack([x, y], axis=1)[:, None] - a
-    u = (off[..., 0] * ac[:, 1] - off[..., 1] * ac[:, 0]) / determinant
-    v = (ab[:, 0] * off[..., 1] - ab[:, 1] * off[..., 0]) / determinant
-    triangle = np.argmax(np.minimum(np.minimum(u, v), 1 - u - v), axis=1)
-    rows = np.arange(len(triangle))
-    found = look(triangle, u[rows, triangle].astype(np.float32), v[rows, triangle].astype(np.float32))
-    return np.asarray(found).reshape(SIDE, SIDE, -1)
-
-
-def assert_agree(found: np.ndarray, expected: np.ndarray) -> None:
-    assert expected.mean() > 0.02
-    error = np.sqrt(((found - expected) ** 2).mean()) / expected.mean()
-    assert error < TOLERANCE, f"{error:.3%}: mean {found.mean():.4f}, by Cycles {expected.mean():.4f}"
-
-
-def checked_image(build: Any, alpha: Any = 1.0, is_float: bool = True) -> Any:
-    """16 x 16 pixels of smooth colour; alpha may be an array."""
-    y, x = np.mgrid[0:16, 0:16] / 16
-    rgba = np.stack([0.5 + 0.4 * np.sin(7 * x), 0.5 + 0.4 * np.cos(5 * y), 0.3 + 0.5 * x * y, x * 0 + 1], axis=2)
-    rgba[..., 3] = alpha
-    return build.image("Picture", rgba, is_float=is_float)
 
 
 def _noise(tree, _material):
@@ -231,65 +134,6 @@ def test_a_colour_made_by_nodes_is_the_one_that_cycles_bakes(build, grid, make):
     scene = export(warnings)
     assert_agree(ours(scene, Geometry(scene).reflectance), cycles(grid, "DIFFUSE"))
     assert warnings == []
-
-
-def _box(tree, picture):
-    place = node(tree, "TexCoord").outputs["Object"]
-    return node(tree, "TexImage", {"Vector": place}, image=picture, projection="BOX", projection_blend=0.3)
-
-
-def _turned(tree, picture):
-    place = node(tree, "Mapping", {"Vector": node(tree, "TexCoord").outputs["UV"], "Rotation": (0.5, 0.3, 0.7)})
-    return node(tree, "TexImage", {"Vector": place.outputs[0]}, image=picture)
-
-
-def _clipped(tree, picture):
-    place = node(tree, "Mapping", {"Vector": node(tree, "TexCoord").outputs["UV"], "Scale": (1.7, 1.7, 1)})
-    return node(tree, "TexImage", {"Vector": place.outputs[0]}, image=picture, extension="EXTEND")
-
-
-def _plain(tree, picture):
-    return node(tree, "TexImage", image=picture)
-
-
-@pytest.mark.parametrize("make", [_box, _turned, _clipped, _plain], ids=lambda make: make.__name__.strip("_"))
-def test_an_image_lies_where_cycles_lays_it(build, grid, make):
-    grid.data.materials.append(diffuse(build, lambda tree, _: make(tree, checked_image(build)).outputs["Color"]))
-    scene = export([])
-    assert_agree(ours(scene, Geometry(scene).reflectance), cycles(grid, "DIFFUSE"))
-
-
-@pytest.mark.parametrize("reader", ["Attribute", "UVMap"])
-@pytest.mark.parametrize(("kind", "domain"), [
-    ("FLOAT_VECTOR", "CORNER"), ("FLOAT2", "POINT"), ("FLOAT_VECTOR", "FACE")])
-def test_an_image_is_laid_out_by_any_vectors_of_the_mesh(build, grid, kind, domain, reader):
-    # What geometry nodes store as UVs is seldom a UV map: random vectors. Exact answer: Cycles' COLOR bake.
-    layer = grid.data.attributes.new("Laid", kind, domain)
-    width = 2 if kind == "FLOAT2" else 3
-    values = np.random.default_rng(2).uniform(0, 1, (len(layer.data), width)).astype(np.float32)
-    layer.data.foreach_set("vector", values.ravel())
-    named = {"attribute_name": "Laid"} if reader == "Attribute" else {"uv_map": "Laid"}
-
-    def laid(tree: Any, _material: Any) -> Any:
-        place = node(tree, reader, **named)
-        return node(tree, "TexImage", {"Vector": place.outputs["Vector" if reader == "Attribute" else "UV"]},
-                    image=checked_image(build)).outputs["Color"]
-    grid.data.materials.append(diffuse(build, laid))
-    warnings: list[dict[str, Any]] = []
-    scene = export(warnings)
-    assert_agree(ours(scene, Geometry(scene).reflectance), cycles(grid, "DIFFUSE"))
-    assert warnings == []
-
-
-@pytest.mark.parametrize("mode", ["STRAIGHT", "CHANNEL_PACKED"])
-@pytest.mark.parametrize("is_float", [False, True])
-def test_an_images_alpha_darkens_its_colour_as_in_cycles(build, grid, mode, is_float):
-    # An image with alpha from 0 to 1, of which the colour alone is used: Cycles multiplies it by alpha, unless packed.
-    picture = checked_image(build, np.linspace(0, 1, 16), is_float)
-    picture.alpha_mode = mode
-    grid.data.materials.append(diffuse(build, lambda tree, _: _plain(tree, picture).outputs["Color"]))
-    scene = export([])
-    assert_agree(ours(scene, Geometry(scene).reflectance), cycles(grid, "DIFFUSE"))
 
 
 def test_shaders_mixed_by_a_texture_mix_their_colours(build, grid):
