@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
@@ -10,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ..solver.errors import OutputError
+from ..solver.whole_file import whole_file
 from . import compare_page, compare_pictures, png, report
 from .baked_images import write_file
 from .compare_request import BOARD, PAGE, CompareRequest
@@ -46,8 +45,10 @@ def write(maps: list[Maps], told: dict[str, Any], views: dict[str, Float], asked
     board_path, page_path, numbers_path = asked.folder / BOARD, asked.folder / PAGE, asked.bake.report_path
     assert numbers_path is not None
     told["page"], told["board"] = (report.relative_to_report(path, numbers_path) for path in (page_path, board_path))
-    _write_bytes(board_path, png.encode(compare_pictures.board(ordered, numbers, lines_of(told))))
-    _write_bytes(page_path, compare_page.page(ordered, told, views).encode())
+    for path, data in ((board_path, png.encode(compare_pictures.board(ordered, numbers, lines_of(told)))),
+                       (page_path, compare_page.page(ordered, told, views).encode())):
+        with whole_file(path) as beside:
+            beside.write_bytes(data)
     report.write(told, numbers_path)
     return {"page": page_path, "board": board_path, "numbers": numbers_path}
 
@@ -95,15 +96,3 @@ def _write_images(maps: Iterable[Maps], mean: float, folder: Path, numbers: Path
             row[name] = report.relative_to_report(path, numbers)
         outputs.append(row)
     return outputs
-
-
-def _write_bytes(path: Path, data: bytes) -> None:
-    """Write a file, whole or not at all. Raises OutputError."""
-    beside = path.with_name(f".{path.name}.{os.getpid()}.part")
-    try:
-        beside.write_bytes(data)
-        os.replace(beside, path)
-    except OSError as cause:
-        raise OutputError(f"{path} can't be written ({cause.strerror}): check the folder's rights and space") from cause
-    finally:
-        beside.unlink(missing_ok=True)

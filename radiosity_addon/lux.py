@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import csv
-import os
 from collections.abc import Iterable
 from dataclasses import dataclass
 from pathlib import Path
@@ -12,9 +11,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ..solver.errors import NothingToBake, OutputError
+from ..solver.errors import NothingToBake
 from ..solver.quantities import photometric
 from ..solver.raster import rasterise
+from ..solver.whole_file import whole_file
 from . import false_colour
 from .baked_light import TO_RADIANCE
 from .mesh_arrays import read, read_uv
@@ -111,8 +111,7 @@ def write_csv(path: Path, rows: Iterable[Any]) -> None:
     OutputError
         If it can't be written.
     """
-    beside = path.with_name(f".{path.name}.{os.getpid()}.part")
-    try:
+    with whole_file(path) as beside:
         path.parent.mkdir(parents=True, exist_ok=True)
         with beside.open("w", newline="", encoding="utf-8") as file:
             table = csv.writer(file)
@@ -120,12 +119,6 @@ def write_csv(path: Path, rows: Iterable[Any]) -> None:
             for row in rows:
                 table.writerow([row.name, *(f"{value:.6g}" for value in (
                     row.minimum, row.mean, row.maximum, row.uniformity, row.area))])
-        os.replace(beside, path)
-    except OSError as cause:
-        reason = (cause.strerror or type(cause).__name__).lower()
-        raise OutputError(f"{path} can't be written ({reason}): check the folder's rights and space") from cause
-    finally:
-        beside.unlink(missing_ok=True)
 
 
 def _row(line: Any) -> Row:

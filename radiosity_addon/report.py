@@ -11,8 +11,8 @@ from typing import Any
 
 import numpy as np
 
-from ..solver.errors import OutputError
 from ..solver.settings import Settings
+from ..solver.whole_file import whole_file
 from .memory import peak_memory_bytes
 from .warn import Warnings
 
@@ -79,14 +79,8 @@ def write(report: dict[str, Any], path: Path) -> None:
     OutputError
         If it can't be written.
     """
-    beside = path.with_name(f".{path.name}.{os.getpid()}.part")
-    try:
+    with whole_file(path) as beside:
         beside.write_text(json.dumps(_plain(report), indent=1, allow_nan=False) + "\n", encoding="utf-8")
-        os.replace(beside, path)
-    except OSError as cause:
-        raise OutputError(f"{path} can't be written ({cause.strerror}): check the folder's rights and space") from cause
-    finally:
-        beside.unlink(missing_ok=True)
 
 
 def _plain(value: Any) -> Any:

@@ -11,6 +11,7 @@ from pathlib import Path
 
 from ..solver.errors import OutputError, SettingsError
 from ..solver.settings import Settings
+from ..solver.whole_file import reason
 from .report import is_report
 
 DEFAULT_FOLDER = "lightmaps"
@@ -149,6 +150,5 @@ def _check_folder(folder: Path) -> None:
         with tempfile.TemporaryFile(dir=folder):
             pass
     except OSError as cause:
-        reason = (cause.strerror or type(cause).__name__).lower()
-        raise OutputError(f"folder {folder} can't be written to ({reason}): "
+        raise OutputError(f"folder {folder} can't be written to ({reason(cause)}): "
                           "change its rights or choose another folder") from cause

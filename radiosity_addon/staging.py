@@ -17,6 +17,7 @@ from pathlib import Path
 from ..solver.errors import OutputError
 from ..solver.quantities import header
 from ..solver.result import Bake, Lightmap
+from ..solver.whole_file import reason
 from . import baked_images, group_files
 from .claims import Claims
 from .report import relative_path
@@ -93,7 +94,7 @@ def _folder(output: Path | None) -> Path:
     try:
         return Path(tempfile.mkdtemp(prefix=".radiosity-", dir=output))
     except OSError as cause:
-        raise OutputError(f"folder {output} can't be written to ({(cause.strerror or '').lower()}): "
+        raise OutputError(f"folder {output} can't be written to ({reason(cause)}): "
                           "change its rights or choose another folder") from cause
 
 
@@ -101,8 +102,7 @@ def _moved(file: Path, path: Path) -> Path:
     try:
         os.replace(file, path)
     except OSError as cause:
-        raise OutputError(f"{path} can't be written ({(cause.strerror or '').lower()}): check the folder's rights and "
-                          "space") from cause
+        raise OutputError(f"{path} can't be written ({reason(cause)}): check the folder's rights and space") from cause
     return path
 
 

@@ -6,7 +6,6 @@ row is the top, as OpenEXR and Blender have it, so rows are turned over here and
 
 from __future__ import annotations
 
-import contextlib
 import os
 from collections.abc import Mapping
 from pathlib import Path
@@ -16,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .errors import OutputError
+from .whole_file import reason, whole_file
 
 Float = NDArray[np.floating[Any]]
 
@@ -58,16 +58,8 @@ def write_exr(path: str | os.PathLike[str], pixels: Float, header: Mapping[str, 
         raise OutputError(f"{path}: the folder {path.parent} does not exist: make it, or choose another")
     if path.is_dir():
         raise OutputError(f"{path} is a folder: give the name of a file")
-    beside = path.with_name(f".{path.name}.{os.getpid()}.part")
-    try:
+    with whole_file(path) as beside:
         _write(beside, attributes, channels)
-        os.replace(beside, path)
-    except (OSError, RuntimeError, ValueError, TypeError, MemoryError) as cause:
-        reason = str(cause).strip().splitlines()[0] if str(cause).strip() else type(cause).__name__
-        raise OutputError(f"{path} can't be written ({reason}): check the folder and its free space") from cause
-    finally:
-        with contextlib.suppress(OSError):
-            beside.unlink(missing_ok=True)
 
 
 def read_exr(path: str | os.PathLike[str]) -> Float:
@@ -144,4 +136,7 @@ def _write(path: Path, attributes: Mapping[str, str | float], channels: Mapping[
     with open(path, "wb"):
         pass  # a full disk or a missing right shows here, with the system's own words
     header = {"compression": OpenEXR.ZIP_COMPRESSION, "type": OpenEXR.scanlineimage, **attributes}
-    OpenEXR.File(header, dict(channels)).write(str(path))
+    try:
+        OpenEXR.File(header, dict(channels)).write(str(path))
+    except (RuntimeError, ValueError, TypeError, MemoryError) as cause:
+        raise OSError(reason(cause)) from cause
