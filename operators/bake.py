@@ -5,7 +5,6 @@ from __future__ import annotations
 from typing import Any
 
 import bpy
-from bpy.props import StringProperty
 
 from ..radiosity_addon.command import parse_options
 from ..radiosity_addon.job import Job, Outcome, run
@@ -14,29 +13,18 @@ from ..radiosity_addon.summary import one_line
 from ..radiosity_addon.warn import as_line
 from ..radiosity_addon.window_request import request_in
 from ..solver.errors import RadiosityError
-from .working import Working
+from .working import Asked, Working
 
 # More warnings than this are counted, and listed in the report.
 SHOWN_WARNINGS = 5
 
 
-class RADIOSITY_OT_bake(Working, bpy.types.Operator):
+class RADIOSITY_OT_bake(Asked, Working, bpy.types.Operator):
     """Bake the scene's diffuse light into lightmaps or vertex colors"""
 
     bl_idname = "radiosity.bake"
     bl_label = "Bake Radiosity"
     bl_options = {"REGISTER", "UNDO"}
-
-    options: StringProperty(  # type: ignore[valid-type]
-        name="Options", description="Options of the command line that go before the panel's settings",
-        options={"SKIP_SAVE"})
-
-    @classmethod
-    def poll(cls, context: Any) -> bool:
-        if Job.current is not None:
-            cls.poll_message_set("A bake is on its way: wait for it, or press Esc to cancel it")
-            return False
-        return context.scene is not None
 
     def execute(self, context: Any) -> set[str]:
         """Bake and wait."""

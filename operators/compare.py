@@ -5,37 +5,25 @@ from __future__ import annotations
 from typing import Any
 
 import bpy
-from bpy.props import StringProperty
 
 from ..radiosity_addon import compare_images
 from ..radiosity_addon.command import parse_options
 from ..radiosity_addon.compare import Compared, Comparison
 from ..radiosity_addon.compare_request import CompareRequest, request_of
-from ..radiosity_addon.job import Job, wait_for
+from ..radiosity_addon.job import wait_for
 from ..radiosity_addon.warn import as_line
 from ..radiosity_addon.window_request import settings_in
 from ..solver.errors import RadiosityError
-from .working import Working
+from .working import Asked, Working
 
 
-class RADIOSITY_OT_compare(Working, bpy.types.Operator):
+class RADIOSITY_OT_compare(Asked, Working, bpy.types.Operator):
     """Bake the same light with Cycles too, and tell how far apart both are and how long each takes"""
 
     bl_idname = "radiosity.compare"
     bl_label = "Compare with Cycles"
     bl_options = {"REGISTER"}
     doing = "Comparing"
-
-    options: StringProperty(  # type: ignore[valid-type]
-        name="Options", description="Options of the command line that go before the panel's settings",
-        options={"SKIP_SAVE"})
-
-    @classmethod
-    def poll(cls, context: Any) -> bool:
-        if Job.current is not None:
-            cls.poll_message_set("A bake is on its way: wait for it, or press Esc to cancel it")
-            return False
-        return context.scene is not None
 
     def execute(self, context: Any) -> set[str]:
         """Compare and wait."""

@@ -6,7 +6,6 @@ from argparse import Namespace
 from typing import Any
 
 import bpy
-from bpy.props import StringProperty
 
 from ..radiosity_addon import cache, live_relight
 from ..radiosity_addon.command import parse_options
@@ -15,27 +14,16 @@ from ..radiosity_addon.relight import RelightJob, relight
 from ..radiosity_addon.relight_request import kept_in, relight_request
 from ..radiosity_addon.warn import as_line
 from ..solver.errors import RadiosityError
-from .working import Working
+from .working import Asked, Working
 
 
-class RADIOSITY_OT_relight(Working, bpy.types.Operator):
+class RADIOSITY_OT_relight(Asked, Working, bpy.types.Operator):
     """Update the baked light to the lamps, emission and world as they are now, without another bake"""
 
     bl_idname = "radiosity.relight"
     bl_label = "Update Light"
     bl_options = {"REGISTER", "UNDO"}
     doing = "Relighting"
-
-    options: StringProperty(  # type: ignore[valid-type]
-        name="Options", description="Options of the command line that go before the panel's settings",
-        options={"SKIP_SAVE"})
-
-    @classmethod
-    def poll(cls, context: Any) -> bool:
-        if Job.current is not None:
-            cls.poll_message_set("A bake is on its way: wait for it, or press Esc to cancel it")
-            return False
-        return context.scene is not None
 
     def execute(self, context: Any) -> set[str]:
         """Mix the kept groups, write the images, and wait."""

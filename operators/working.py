@@ -1,9 +1,13 @@
-"""What all operators share that work beside the user: a job in the window, looked after by a timer."""
+"""What all operators share that work beside the user: what they are asked, and a job in the window, looked after by a
+timer.
+"""
 
 from __future__ import annotations
 
 import time
 from typing import Any
+
+from bpy.props import StringProperty
 
 from ..radiosity_addon import look_overlay
 from ..radiosity_addon.job import Job
@@ -14,6 +18,21 @@ from .status import redraw_looks, redraw_views, show_status
 
 # Seconds between two looks at the work, and between two changes of what is told of it.
 TICK, TOLD = 0.02, 0.1
+
+
+class Asked:
+    """A part of an operator that is asked for as the command line is, one at a time."""
+
+    options: StringProperty(  # type: ignore[valid-type]
+        name="Options", description="Options of the command line that go before the panel's settings",
+        options={"SKIP_SAVE"})
+
+    @classmethod
+    def poll(cls, context: Any) -> bool:
+        if Job.current is not None:
+            cls.poll_message_set("A bake is on its way: wait for it, or press Esc to cancel it")  # type: ignore[attr-defined]
+            return False
+        return context.scene is not None
 
 
 class Working:

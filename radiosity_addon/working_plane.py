@@ -22,9 +22,10 @@ from ..solver.scene import Scene
 from . import false_colour, leaks
 from .baked_light import VIEW_MARK
 from .binding import Binding
-from .export import export_scene
+from .export import export_parts
 from .job import Job
 from .lux import Row, keep
+from .parts import WINDOW_PART, Parts
 from .request import Request
 from .settings import settings_of
 from .view_settings import LUX
@@ -101,10 +102,11 @@ class PlaneJob(Job):
         self._irradiance: Float | None = None
         self._backs: Float | None = None
 
-    def export(self) -> None:
+    def exporting(self, part_seconds: float = WINDOW_PART) -> Parts[None]:
         """Read the scene, and lay out the points. Raises RadiosityError."""
         scene, layer = self._place()
-        self._exported = export_scene(scene, layer, self.request.settings, self.warnings)
+        self._exported = yield from export_parts(scene, layer, self.request.settings, self.warnings,
+                                                 part_seconds=part_seconds)
         view = scene.radiosity_view
         floor = view.floor.name if view.floor is not None else ""
         low, high = _bounds(self._exported.scene, self._exported.bindings, floor)
@@ -120,16 +122,22 @@ class PlaneJob(Job):
             self._backs = sees_backs(self._exported.scene, points)
             self._irradiance = irradiance(self._exported.scene, self.request.settings, points, up, self.progress,
                                           self._cancel.is_set)
-        except BaseException as error:  # noqa: BLE001 - it is raised again in Blender's thread, by measured()
+        except BaseException as error:  # noqa: BLE001 - it is raised again in Blender's thread, by finish()
             self._failure = error
 
-    def measured(self) -> Row:
+    @property
+    def is_baked(self) -> bool:
+        """Whether the points are measured."""
+        return self._irradiance is not None
+
+    def finishing(self) -> Parts[Row]:  # type: ignore[override]
         """Put the result into the table and the viewport. Raises what the worker raised, or RadiosityError."""
         from . import preview
 
         self.wait(threading.TIMEOUT_MAX)
         if self._failure is not None:
             raise self._failure
+        self.refuse_cancelled()
         assert self._irradiance is not None
         assert self._backs is not None
         scene, _ = self._place()
@@ -140,6 +148,7 @@ class PlaneJob(Job):
             raise NothingToBake(f"no light reaches the working plane at {self.grid.z:.3g} m: "
                                 "set its height and floor so that it lies in the room")
         row = Row.of(f"Plane {self.grid.z:.3g} m", lux[cells], np.full(len(cells), self.grid.cell.prod()))
+        yield
         keep(scene, [row], surfaces=False)
         if scene.radiosity_view.mode != LUX:
             preview.show(scene, LUX, plane=True)

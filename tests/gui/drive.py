@@ -169,6 +169,18 @@ def press(operator: str) -> Iterator[float]:
     SEEN["shading"][operator] = area.spaces[0].shading.type
 
 
+def cancel(operator: str) -> Iterator[float]:
+    """Press a button, then Esc as soon as its operator runs; write down whether it ran, and how many rows lux has."""
+    yield from press_button(operator)
+    SEEN[f"ran {operator}"] = count_tick(operator)
+    window, _ = viewport()
+    window.event_simulate("ESC", "PRESS")
+    window.event_simulate("ESC", "RELEASE")
+    yield from wait(operator)
+    SEEN["rows after Esc"] = [row.name for row in bpy.context.scene.radiosity_view.rows]
+    yield 1.0
+
+
 def wait(operator: str) -> Iterator[float]:
     """Wait while the operator runs, with the window alive."""
     end, ticks = time.monotonic() + LONGEST, 0
@@ -258,7 +270,7 @@ def save(path: str) -> Iterator[float]:
 
 
 VERBS = {step.__name__: step for step in (
-    view_camera, survey, shot, save, press, idle, render_with, flip, mark, compare, undo)}
+    view_camera, survey, shot, save, press, cancel, idle, render_with, flip, mark, compare, undo)}
 
 
 def steps() -> Iterator[float]:
@@ -275,23 +287,27 @@ def steps() -> Iterator[float]:
         print(f"drive: {verb} {' '.join(map(str, arguments))}: {time.monotonic() - start:.1f} s", flush=True)
 
 
-VISIT = steps()
+def begin(visit: Iterator[float], shown: str, **more: Any) -> None:
+    """Go through a visit, a step at a time; at its end, or on an error, of which `shown` is the picture, write the
+    result, `more` beside what was seen, and leave.
+    """
+    def tick() -> float | None:
+        error = ""
+        try:
+            return next(visit)
+        except StopIteration:
+            pass
+        except Exception:  # noqa: BLE001 - whatever went wrong belongs into the result, and the window must close
+            error = traceback.format_exc()
+            photograph(shown)
+        told = {"error": error, "seen": {**SEEN, **more}}
+        Path(JOB["result"]).write_text(json.dumps(told), encoding="utf-8")
+        bpy.ops.wm.quit_blender()
+        return None
 
-
-def tick() -> float | None:
-    """One step a call; at the end, or on an error, write the result and leave."""
-    error = ""
-    try:
-        return next(VISIT)
-    except StopIteration:
-        pass
-    except Exception:  # noqa: BLE001 - whatever went wrong belongs into the result, and the window must close
-        error = traceback.format_exc()
-        photograph("error")
-    Path(JOB["result"]).write_text(json.dumps({"error": error, "seen": SEEN}), encoding="utf-8")
-    bpy.ops.wm.quit_blender()
-    return None
+    # A visit may load files.
+    bpy.app.timers.register(tick, first_interval=2.0, persistent=True)
 
 
 if __name__ == "__main__":
-    bpy.app.timers.register(tick, first_interval=2.0)
+    begin(steps(), "error")

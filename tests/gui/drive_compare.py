@@ -6,10 +6,8 @@ the longest time that the window did not answer while Cycles baked, the images, 
 
 from __future__ import annotations
 
-import json
 import sys
 import time
-import traceback
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -112,23 +110,5 @@ def steps() -> Iterator[float]:
     drive.SEEN["shown"] = editor.spaces.active.image.name if editor.spaces.active.image else ""
 
 
-VISIT = steps()
-
-
-def tick() -> float | None:
-    """One step a call; at the end, or on an error, write the result and leave."""
-    error = ""
-    try:
-        return next(VISIT)
-    except StopIteration:
-        pass
-    except Exception:  # noqa: BLE001 - whatever went wrong belongs into the result, and the window must close
-        error = traceback.format_exc()
-        drive.photograph("compare-error")
-    Path(drive.JOB["result"]).write_text(json.dumps({"error": error, "seen": drive.SEEN}), encoding="utf-8")
-    bpy.ops.wm.quit_blender()
-    return None
-
-
 if __name__ == "__main__":
-    bpy.app.timers.register(tick, first_interval=2.0)
+    drive.begin(steps(), "compare-error")

@@ -16,7 +16,6 @@ import resource
 import sys
 import threading
 import time
-import traceback
 from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
@@ -293,24 +292,5 @@ def steps() -> Iterator[float]:
     drive.SEEN["runs_at_quit"] = current() is not None
 
 
-VISIT = steps()
-
-
-def tick() -> float | None:
-    """One step a call; at the end, or on an error, write the result and leave."""
-    error = ""
-    try:
-        return next(VISIT)
-    except StopIteration:
-        pass
-    except Exception:  # noqa: BLE001 - whatever went wrong belongs into the result, and the window must close
-        error = traceback.format_exc()
-        drive.photograph("live-error")
-    seen = {**drive.SEEN, "gaps": GAPS, "own": OWN, "held": HELD}
-    Path(drive.JOB["result"]).write_text(json.dumps({"error": error, "seen": seen}), encoding="utf-8")
-    bpy.ops.wm.quit_blender()
-    return None
-
-
 if __name__ == "__main__":
-    bpy.app.timers.register(tick, first_interval=2.0, persistent=True)
+    drive.begin(steps(), "live-error", gaps=GAPS, own=OWN, held=HELD)

@@ -65,6 +65,7 @@ def visit_of(baked: Path, last: Path) -> list[list[Any]]:
         ["press", "radiosity.preview"], ["compare", "baked", "preview off"],
         ["render_with", "CYCLES"], ["press", "radiosity.preview"], ["idle", CYCLES], ["shot", "4-preview-cycles"],
         ["press", "radiosity.lux_view"], ["idle", CYCLES], ["shot", "5-lux"],
+        ["cancel", "radiosity.working_plane"],
         ["press", "radiosity.working_plane"], ["idle", CYCLES], ["shot", "6-working-plane"],
         ["press", "radiosity.lux_csv"],
         ["press", "radiosity.leak_view"], ["press", "radiosity.worst"], ["idle", CYCLES], ["shot", "7-leaks"],
@@ -139,6 +140,13 @@ def test_views_switch_on_and_off_by_their_buttons(visit: Visit) -> None:
         "9-clear", "object"}
     table = list(csv.reader((visit.folder / "lightmaps" / "lux.csv").read_text(encoding="utf-8").splitlines()))
     assert {row[0] for row in table} >= {"Floor", "Ceiling", "Plane 0.8 m"}
+
+
+def test_esc_ends_the_measuring_of_a_working_plane(visit: Visit) -> None:
+    # Esc while points are measured. Exact answer: the table of lux has baked objects alone.
+    assert visit.seen["ran radiosity.working_plane"]
+    assert "Floor" in visit.seen["rows after Esc"]
+    assert not [name for name in visit.seen["rows after Esc"] if name.startswith("Plane")]
 
 
 def test_a_click_on_clear_leaves_the_file_as_it_was_before_the_bake(visit: Visit) -> None:
