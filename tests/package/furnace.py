@@ -10,8 +10,6 @@ import sys
 
 import bpy
 
-EXACT = 2.0
-
 
 def build() -> None:
     """Empty the open file and put the furnace into it."""
