@@ -116,10 +116,8 @@ def bake_emission(item: Any, uv_map: str, width: int, height: int, frame: int) -
         nodes.active.image = image
         scene.collection.objects.link(item)
         scene.frame_current = frame
-        scene.render.engine = "CYCLES"
-        scene.cycles.device, scene.cycles.samples = "CPU", 1
-        scene.cycles.use_adaptive_sampling = scene.cycles.use_denoising = False
-        scene.cycles.sample_clamp_direct = scene.cycles.sample_clamp_indirect = 0.0
+        _set_plain(scene)
+        scene.cycles.samples = 1
         layer = scene.view_layers[0]
         item.select_set(True, view_layer=layer)
         layer.objects.active = item
@@ -161,20 +159,30 @@ def set_up_render(scene: Any, width: int, height: int, samples: int) -> None:
     """Settings of a render of plain light: its size in pixels, and samples spread over each whole pixel, so that its
     value is the pixel's mean.
     """
-    render, settings = scene.render, scene.cycles
-    render.engine = "CYCLES"
+    render = scene.render
     render.resolution_x, render.resolution_y, render.resolution_percentage = width, height, 100
+    _write_exr(render)
+    _set_plain(scene)
+    scene.cycles.samples = samples
+    scene.cycles.pixel_filter_type = "BOX"
+
+
+def _set_plain(scene: Any) -> None:
+    """Let Cycles work on the CPU, with nothing thinned out, smoothed or clamped."""
+    scene.render.engine = "CYCLES"
+    settings = scene.cycles
+    settings.device = "CPU"
+    settings.use_adaptive_sampling = settings.use_denoising = False
+    settings.sample_clamp_direct = settings.sample_clamp_indirect = 0.0
+
+
+def _write_exr(render: Any) -> None:
+    """Let a render be written as an EXR file of 32-bit floats, under its very path, with its background."""
     render.film_transparent = False
     render.use_file_extension = False
     render.image_settings.file_format = "OPEN_EXR"
     render.image_settings.color_mode = "RGB"
     render.image_settings.color_depth = "32"
-    settings.device = "CPU"
-    settings.samples = samples
-    settings.use_adaptive_sampling = False
-    settings.use_denoising = False
-    settings.sample_clamp_direct = settings.sample_clamp_indirect = 0.0
-    settings.pixel_filter_type = "BOX"
 
 
 @contextmanager
@@ -256,13 +264,9 @@ def set_up_bake(scene: Any) -> None:
     """Settings of a bake without bias: nothing clamped, guessed, thinned out or smoothed; plain Sobol points (blue
     noise ties neighbours together).
     """
-    scene.render.engine = "CYCLES"
+    _set_plain(scene)
     scene.render.use_simplify = False
     settings = scene.cycles
-    settings.device = "CPU"
-    settings.use_adaptive_sampling = False
-    settings.use_denoising = False
-    settings.sample_clamp_direct = settings.sample_clamp_indirect = 0.0
     settings.light_sampling_threshold = 0.0
     settings.use_light_tree = True
     settings.use_fast_gi = False
@@ -309,11 +313,7 @@ def render_eevee(scene: Any, path: Path, samples: int) -> Float:
 def _render_to(scene: Any, path: Path) -> Float:
     render = scene.render
     render.use_compositing = render.use_sequencer = False
-    render.film_transparent = False
-    render.use_file_extension = False
     render.filepath = str(path)
-    render.image_settings.file_format = "OPEN_EXR"
-    render.image_settings.color_mode = "RGB"
-    render.image_settings.color_depth = "32"
+    _write_exr(render)
     bpy.ops.render.render(write_still=True, scene=scene.name)
     return _read(path)
