@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 from ..solver.errors import NothingToBake
 from . import false_colour, preview, slots
 from .baked_light import VIEW_MARK, add
+from .images import srgb_to_linear
 from .mesh_arrays import read, read_uv
 from .results import result_of
 from .units import metres_per_unit
@@ -104,7 +105,7 @@ def _pixels_per_metre(item: Any, layer: str, size: tuple[int, int]) -> float:
 def _material(density: Density, ratio: float) -> Any:
     """A checker along the UV map, in the colour of the density over the usual one."""
     part = np.clip(0.5 + np.log(max(ratio, 1e-9)) / (2 * np.log(SPAN)), 0, 1)
-    colour = false_colour.linear(false_colour.colour(np.array([part])))[0]
+    colour = srgb_to_linear(false_colour.colour(np.array([part])))[0]
     made = bpy.data.materials.new(f"Radiosity Density {density.item.name}")
     made[VIEW_MARK] = True
 

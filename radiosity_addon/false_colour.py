@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from ..solver.quantities import LUMINANCE, LUMINOUS_EFFICACY
 from .baked_light import VIEW_MARK, add
+from .images import srgb_to_linear
 from .unlit import only_shader
 
 Float = NDArray[np.floating[Any]]
@@ -63,11 +64,6 @@ def colour(part: Float) -> Float:
     """sRGB (n, 3) at parts (n,) of the scale, 0 ... 1."""
     stops = np.linspace(0, 1, len(PALETTE))
     return np.stack([np.interp(part, stops, PALETTE[:, axis]) for axis in range(3)], axis=-1)
-
-
-def linear(srgb: Float) -> Float:
-    """sRGB as linear light (IEC 61966-2-1)."""
-    return np.where(srgb <= 0.04045, srgb / 12.92, ((srgb + 0.055) / 1.055) ** 2.4)
 
 
 def set_scale(low: float, high: float, step: float) -> None:
@@ -153,7 +149,7 @@ def scale_group(low: float, high: float, step: float, isolines: bool = True) -> 
 
 def _fill(ramp: Any) -> None:
     """Put the palette into a colour ramp."""
-    colours = linear(PALETTE)
+    colours = srgb_to_linear(PALETTE)
     stops = np.linspace(0, 1, len(colours))
     ramp.elements[0].position, ramp.elements[1].position = 0.0, 1.0
     for stop in stops[1:-1]:

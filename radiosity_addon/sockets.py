@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from ..solver.quantities import LUMINANCE
 from . import constants
 from .constants import Triple
 from .warn import Warnings, warn
@@ -67,7 +68,7 @@ def luminance(colour: Colour) -> float:
     r, g, b = colour.factor
     if r == g == b:
         return r  # the weights' sum is rounded
-    return 0.2126 * r + 0.7152 * g + 0.0722 * b
+    return float(LUMINANCE @ np.array(colour.factor))
 
 
 class Reader:

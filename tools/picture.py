@@ -17,9 +17,6 @@ from typing import Any
 
 import numpy as np
 
-# What turns a baked quantity times the base colour into radiance; "radiosity" holds the base colour already.
-# 683 lm/W is the luminous efficacy that "illuminance" is made with.
-TO_RADIANCE = {"radiance": 1.0, "irradiance": 1 / math.pi, "radiosity": 1 / math.pi, "illuminance": 1 / (683 * math.pi)}
 SIDE = 800
 SAMPLES = 16
 # Where the upper quartile of the picture's brightest channel is put, in display-linear light, and the small picture
@@ -50,6 +47,8 @@ def lightmap_colour(nodes: Any, links: Any, output: dict[str, Any], folder: Path
 
 def emit_instead(tree: Any, output: dict[str, Any], folder: Path, quantity: str) -> None:
     """Replace each diffuse shader of a node tree, groups included, by emission of baked light x base colour."""
+    from radiosity.radiosity_addon.baked_light import TO_RADIANCE
+
     nodes, links = tree.nodes, tree.links
     for node in list(nodes):
         if node.bl_idname == "ShaderNodeGroup" and node.node_tree is not None:
