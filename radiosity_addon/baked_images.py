@@ -30,8 +30,7 @@ def is_our_file(path: Path) -> bool:
     return has_attribute(path, MARK)
 
 
-def write_file(folder: Path, name: str, pixels: Float, header: dict[str, str | float], taken: set[str],
-               layers: Mapping[str, Float] | None = None) -> Path:
+def write_file(folder: Path, name: str, pixels: Float, header: dict[str, str | float], taken: set[str]) -> Path:
     """Write `name`.exr into the folder; `name`_2.exr and so on where such a file is not ours, or was just written.
 
     Raises
@@ -40,7 +39,7 @@ def write_file(folder: Path, name: str, pixels: Float, header: dict[str, str | f
         If it can't be written.
     """
     path = free_path(folder, name, taken)
-    write_marked(path, pixels, header, layers)
+    write_marked(path, pixels, header)
     return path
 
 

@@ -23,7 +23,7 @@ SCALE = np.array([(0.02, 0.19, 0.42), (0.13, 0.45, 0.74), (0.57, 0.77, 0.87), (0
                   (0.84, 0.26, 0.22), (0.40, 0.0, 0.12)])
 # Lumels that don't count.
 UNCOUNTED = 0.55
-PAPER, INK, GREY, OURS, CYCLES = (255, 255, 255), (30, 30, 30), (190, 190, 190), (200, 70, 20), (30, 90, 180)
+INK, GREY, OURS, CYCLES = (30, 30, 30), (190, 190, 190), (200, 70, 20), (30, 90, 180)
 # Pixels of a map on the board, of the gaps between, and of the chart.
 SIDE, GAP, CHART = 420, 16, (640, 420)
 

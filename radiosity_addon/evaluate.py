@@ -80,13 +80,11 @@ class Request:
     Attributes
     ----------
     subject : both.
-    object_name : of the first object that shows it, for messages.
     shading : what was read of the material.
     digest : of everything that the result depends on.
     """
 
     subject: Subject
-    object_name: str
     shading: Shading
     digest: str
 
@@ -120,7 +118,7 @@ def request(item: Any, material: Any, part: MeshPart, shading: Shading, named: N
     own = (item.matrix, tuple(item.original.color), item.original.pass_index, item.random, named)
     total = digest(tree, part, own if shows(tree, BY_PLACE) else None, material.pass_index, version(),
                    shading.guessed_parts)
-    return Request(Subject(material.original, part, *own), item.name, shading, total)
+    return Request(Subject(material.original, part, *own), shading, total)
 
 
 def materials_to_ask(requests: Sequence[Request], frame: int) -> list[Any]:

@@ -13,7 +13,7 @@ from ..solver.luminaire import NATURAL, Fade, Falloff
 from . import compat, lamp_render, shown_images
 from .digest import digest
 from .named_values import tell_named
-from .parts import Parts, whole
+from .parts import Parts
 from .sockets import Colour, Reader, feeding
 from .warn import Warnings, warn
 
@@ -44,11 +44,6 @@ class LampEmission:
 Emissions = dict[str, LampEmission]
 # Evaluated trees, and what was to be told of them, by their digests.
 _kept: dict[str, tuple[LampEmission, tuple[str, ...]]] = {}
-
-
-def read_emissions(lights: Iterable[Any], warnings: Warnings) -> Emissions:
-    """`emission_parts` at once."""
-    return whole(emission_parts(lights, warnings))
 
 
 def emission_parts(lights: Iterable[Any], warnings: Warnings) -> Parts[Emissions]:

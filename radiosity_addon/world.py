@@ -15,7 +15,7 @@ from ..solver.sky_picture import Window
 from . import compat, shown_images, world_render
 from .cycles_elsewhere import Elsewhere
 from .named_values import tell_named
-from .parts import ENDLESS, Parts, aside, whole
+from .parts import ENDLESS, Parts, aside
 from .sockets import Reader
 from .warn import Warnings, warn
 from .world_render import Map
@@ -24,11 +24,6 @@ Float = NDArray[np.floating[Any]]
 World = tuple[Sky, tuple[Light, ...]]
 
 CODE = "world"
-
-
-def read_world(world: Any, warnings: Warnings) -> tuple[Sky, tuple[Light, ...]]:
-    """`world_parts` at once."""
-    return whole(world_parts(world, warnings))
 
 
 def rendered_world(scene: Any, view_layer: Any) -> Any:

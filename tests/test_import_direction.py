@@ -22,8 +22,6 @@ DOORS = {
     "OpenEXR": "solver/image_file.py",
 }
 BLENDER = {"bpy", "bmesh", "mathutils", "gpu", "bpy_extras", "addon_utils", "blf"}
-# A run of the extension has these and no other packages.
-RUN_TIME = {"numpy", *DOORS}
 # In Blender's Python too, but only in tests, benchmarks and the library's own environment.
 DEVELOPMENT = {"scipy", "mpmath", "matplotlib", "pytest", "PIL"}
 

@@ -47,9 +47,9 @@ def run_blender_ext(*arguments: str) -> None:
         raise PackageError(f"blender_ext.py {arguments[0]} failed:\n{result.stdout}{result.stderr}")
 
 
-def read_manifest(root: Path = ROOT) -> dict[str, object]:
+def read_manifest() -> dict[str, object]:
     """blender_manifest.toml as a dictionary."""
-    with (root / "blender_manifest.toml").open("rb") as file:
+    with (ROOT / "blender_manifest.toml").open("rb") as file:
         return tomllib.load(file)
 
 

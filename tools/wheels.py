@@ -49,17 +49,17 @@ class Locked:
         return FOLDER / self.name
 
 
-def read_lock(path: Path = LOCK) -> list[Locked]:
+def read_lock() -> list[Locked]:
     """Every wheel that the lock names."""
-    lines = path.read_text(encoding="utf-8").splitlines()
+    lines = LOCK.read_text(encoding="utf-8").splitlines()
     return [Locked(*line.split()) for line in lines if line and not line.startswith("#")]
 
 
-def write_lock(wheels: list[Locked], path: Path = LOCK) -> None:
+def write_lock(wheels: list[Locked]) -> None:
     """Write the lock, in the order of platform, Python and name."""
     head = "# Made by tools/wheels.py --update: Blender's platform, Python, SHA-256, file.\n"
     lines = sorted(f"{wheel.platform} {wheel.python} {wheel.sha256} {wheel.name}\n" for wheel in wheels)
-    path.write_text(head + "".join(lines), encoding="utf-8")
+    LOCK.write_text(head + "".join(lines), encoding="utf-8")
 
 
 def sha256(path: Path) -> str:

@@ -11,10 +11,12 @@ import numpy as np
 import pytest
 from radiosity.radiosity_addon import compat
 from radiosity.radiosity_addon.export import export_scene
-from radiosity.radiosity_addon.lamp_nodes import read_emissions
+from radiosity.radiosity_addon.lamp_nodes import emission_parts
 from radiosity.radiosity_addon.lights import export_lights, lamp_data
 from radiosity.radiosity_addon.linking import Linking
+from radiosity.radiosity_addon.parts import whole
 from radiosity.radiosity_addon.visible import shown_meshes
+from radiosity.radiosity_addon.world import world_parts
 from radiosity.solver.direct import DirectLight
 from radiosity.solver.footprints import ReceiverFootprints
 from radiosity.solver.geometry import Geometry
@@ -214,9 +216,14 @@ def export(warnings=None):
     return export_scene(scene, layer, Settings(), [] if warnings is None else warnings).scene
 
 
+def read_world(world, warnings):
+    """What is left of a world's sky, and the lamps that its bright spots become."""
+    return whole(world_parts(world, warnings))
+
+
 def _export():
     warnings = []
-    emissions = read_emissions(lamp_data(bpy.context.scene), warnings)
+    emissions = whole(emission_parts(lamp_data(bpy.context.scene), warnings))
     depsgraph = bpy.context.evaluated_depsgraph_get()
     linking = Linking(depsgraph, shown_meshes(depsgraph, warnings))
     return export_lights(depsgraph, linking, warnings, emissions), warnings

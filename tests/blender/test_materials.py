@@ -11,12 +11,11 @@ import pytest
 from radiosity.radiosity_addon import cycles, evaluate
 from radiosity.radiosity_addon.export import export_scene
 from radiosity.radiosity_addon.images import srgb_to_linear
-from radiosity.radiosity_addon.world import read_world
 from radiosity.solver import sky
 from radiosity.solver.geometry import Geometry
 from radiosity.solver.scene import Scene
 from radiosity.solver.settings import Settings
-from radiosity.tests.blender.stage import export
+from radiosity.tests.blender.stage import export, read_world
 
 
 def opaque(value: float, side: int = 4) -> np.ndarray:

@@ -7,8 +7,7 @@ from typing import Any
 import bpy
 import numpy as np
 import pytest
-from radiosity.radiosity_addon.world import read_world
-from radiosity.tests.blender.stage import emission_nodes, export, lamp, warned
+from radiosity.tests.blender.stage import emission_nodes, export, lamp, read_world, warned
 
 TINT = (0.6, 0.3, 0.1)
 

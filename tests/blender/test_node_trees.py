@@ -7,8 +7,7 @@ from typing import Any
 import bpy
 import numpy as np
 import pytest
-from radiosity.radiosity_addon.world import read_world
-from radiosity.tests.blender.stage import emission_nodes, export, exported, lamp
+from radiosity.tests.blender.stage import emission_nodes, export, exported, lamp, read_world
 
 OWN = 0.8
 

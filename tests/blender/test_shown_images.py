@@ -8,9 +8,8 @@ import bpy
 import numpy as np
 import pytest
 from radiosity.radiosity_addon.images import srgb_to_linear
-from radiosity.radiosity_addon.world import read_world
 from radiosity.solver.errors import SceneError
-from radiosity.tests.blender.stage import emission_nodes, export
+from radiosity.tests.blender.stage import emission_nodes, export, read_world
 
 
 def missing_image():

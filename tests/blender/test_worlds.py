@@ -7,7 +7,6 @@ import numpy as np
 import pytest
 from radiosity.radiosity_addon import world_render
 from radiosity.radiosity_addon.export import export_scene
-from radiosity.radiosity_addon.world import read_world
 from radiosity.solver import sky as skies
 from radiosity.solver.lamps import Sun
 from radiosity.solver.sampling import cosine_directions
@@ -23,6 +22,7 @@ from radiosity.tests.blender.stage import (
     lamp,
     our_irradiance,
     random_numbers,
+    read_world,
     set_stage,
     set_world,
 )
