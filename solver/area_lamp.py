@@ -148,22 +148,23 @@ class Area:
         return np.asarray(np.maximum((self._tangent - tangent) * self._slat_norm, 0))
 
     def _narrowed(self, points: Float, uv: Float, target: Float) -> tuple[Float, Float]:
-        """Targets on the circle of the lamp's plane that the spread lets each point see, where it is smaller than the
-        lamp; and that circle's area over the lamp's (0 off the lamp)."""
+        """Targets on the part of the lamp about the circle of its plane that the spread lets each point see, cut along
+        the lamp's axes, where that is smaller than the lamp; and that part over the lamp's area (0 off the lamp)."""
         normal = self.normal.astype(np.float32)
         height = dot(points - self.centre.astype(np.float32), normal)
         reach = np.maximum(height, 0) * np.float32(self._tangent)
-        ratio = np.pi * reach**2 / np.float32(self.area)
-        side = np.array(self.axis_u / np.linalg.norm(self.axis_u), np.float32)
-        x, y = cap.disc(uv)
-        foot = points - height[:, None] * normal
-        on_circle = foot + (reach * x)[:, None] * side + (reach * y)[:, None] * np.cross(normal, side)
-        dual = np.linalg.pinv(np.stack([self.axis_u, self.axis_v])).astype(np.float32)
-        across = combined(on_circle - self.centre.astype(np.float32), dual)
-        on_lamp = (across**2).sum(axis=1) <= 0.25 if self.round else np.abs(across).max(axis=1) <= 0.5
-        narrow = ratio < 1
-        return (np.where(narrow[:, None], on_circle, target),
-                np.asarray(np.where(narrow, np.where(on_lamp, ratio, 0), 1), np.float32))
+        axes = np.stack([self.axis_u, self.axis_v])
+        dual = np.linalg.pinv(axes).astype(np.float32)
+        centre = self.centre.astype(np.float32)
+        middle = combined(points - height[:, None] * normal - centre, dual)
+        half = reach[:, None] * np.linalg.norm(dual, axis=0)
+        low, high = np.clip(middle - half, -0.5, 0.5), np.clip(middle + half, -0.5, 0.5)
+        across = low + (high - low) * uv
+        on_lamp = (across**2).sum(axis=1) <= 0.25 if self.round else np.ones(len(points), bool)
+        part = (high - low).prod(axis=1) * np.float32(4 / np.pi if self.round else 1)
+        narrow = part < 1
+        return (np.where(narrow[:, None], centre + combined(across, axes.astype(np.float32)), target),
+                np.asarray(np.where(narrow, np.where(on_lamp, part, 0), 1), np.float32))
 
     def translated(self, offset: Float) -> Area:
         """The same lamp, moved by (3,) metres."""

@@ -29,7 +29,7 @@ from .linking import Reach, links_of
 from .many_lights import TELLING, Chooser, Looks, Wish, everybody
 from .parallel import Run, shares
 from .sampling import kronecker, shifted, shifts
-from .shadow_sums import ShadowSums, doubtful, ratio
+from .shadow_sums import ShadowSums, doubtful, missed, ratio
 from .split import Split
 from .visibility import SHORTEN
 
@@ -216,7 +216,8 @@ class DirectLight:
         wanted = np.where((sums.tried == 0) & (sums.closed > 0), LOST_FACTOR * looks.rays, 0.0)
         asked = np.zeros(len(looks))
         if wish.tolerance > 0:
-            doubt = self._doubt(looks, own, sums, batch)
+            doubt, lost = self._doubt(looks, own, sums, batch)
+            wanted = np.where(lost, LOST_FACTOR * looks.rays, wanted)
             sigma = np.where(doubt, np.maximum(spread, sums.level * 0.25), 0) * brightness
             wanted = np.maximum(wanted, np.where(sigma > 0, (sigma / wish.tolerance) ** (1 / QMC_RATE), 0))
             asked = CLOSED_MORE * (varied / wish.tolerance) ** (1 / (0.5 + QMC_RATE))
@@ -251,15 +252,18 @@ class DirectLight:
         return light
 
     @staticmethod
-    def _doubt(looks: Looks, own: Int, sums: ShadowSums, batch: _Batch) -> NDArray[np.bool_]:
-        """(n,) whether more rays could change what was found, lamp by lamp; `own` (n,) are receivers in the batch."""
-        doubt = np.zeros(len(looks), bool)
+    def _doubt(looks: Looks, own: Int, sums: ShadowSums, batch: _Batch) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
+        """(n,) each: whether more rays could change what was found, and whether all may have missed, lamp by lamp;
+        `own` (n,) are receivers in the batch."""
+        doubt, lost = np.zeros((2, len(looks)), bool)
         enough = np.flatnonzero(looks.rays >= TELLING)
         order, runs = _runs(looks.lamp[enough])
         for part in runs:
             these = enough[order[part]]
-            doubt[these] = doubtful(sums.take(these), own[these], looks.closed[these], len(batch), batch.neighbours)
-        return doubt
+            some = sums.take(these)
+            doubt[these] = doubtful(some, own[these], looks.closed[these], len(batch), batch.neighbours)
+            lost[these] = looks.closed[these] & missed(some, own[these], len(batch), batch.neighbours)
+        return doubt, lost
 
     def _kinds(self, looks: Looks, start: Int, count: Int, asked: Int) -> Int:
         """(n,) a number that is the same for looks that can be worked on together."""
@@ -295,8 +299,8 @@ class DirectLight:
         weight, seen = weight.reshape(-1, count), seen.reshape(-1, count)
         asked = min(count, asked)
         form, varied = self._closed(lamp, points, normals, count, asked)
-        return ShadowSums(weight.sum(1), seen.sum(1), (weight > 0).sum(1), (seen > 0).sum(1), form, varied,
-                          np.where(np.isnan(form), 0, asked))
+        return ShadowSums(weight.sum(1), seen.sum(1), (seen**2).sum(1), (weight > 0).sum(1), (seen > 0).sum(1), form,
+                          varied, np.where(np.isnan(form), 0, asked))
 
     def _shadow(self, lamp: Int, points: Float, normals: Float, uv: Float, run: Run) -> tuple[Float, Float]:
         """Weights of shadow rays to lamps of one bank, and the same where something stands between: 0 (n,)."""

@@ -18,6 +18,7 @@ class ShadowSums:
     """Sums over each footprint's rays.
 
     weight, seen : (n,) of all weights, and of those of free rays.
+    squared : (n,) of the squares of the free rays' weights.
     tried, met : (n,) rays that have a weight, and those of them that are free.
     closed : (n,) the unoccluded closed form over the lamp's colour, the mean over some places; nan for none.
     varied : (n,) its standard deviation between those places; 0 for none.
@@ -26,6 +27,7 @@ class ShadowSums:
 
     weight: Float
     seen: Float
+    squared: Float
     tried: Int
     met: Int
     closed: Float
@@ -53,8 +55,8 @@ class ShadowSums:
         places = self.places + other.places
         share = other.places / np.maximum(places, 1)
         closed = np.where(other.places > 0, self.closed + share * (other.closed - self.closed), self.closed)
-        return ShadowSums(self.weight + other.weight, self.seen + other.seen, self.tried + other.tried,
-                          self.met + other.met, closed, self.varied, places)
+        return ShadowSums(self.weight + other.weight, self.seen + other.seen, self.squared + other.squared,
+                          self.tried + other.tried, self.met + other.met, closed, self.varied, places)
 
     @property
     def is_closed(self) -> NDArray[np.bool_]:
@@ -67,7 +69,8 @@ def ratio(sums: ShadowSums, count: Int | int) -> tuple[Float, Float]:
     part = sums.seen / np.maximum(sums.weight, np.float32(1e-30))
     mean = sums.seen / count
     value = np.where(np.isnan(sums.closed), mean, sums.closed * part)
-    spread = sums.level * np.sqrt(np.clip(part * (1 - part), 0, 0.25))
+    varied = np.sqrt(np.maximum(sums.squared / count - mean**2, 0))
+    spread = np.where(np.isnan(sums.closed), varied, sums.level * np.sqrt(np.clip(part * (1 - part), 0, 0.25)))
     return np.asarray(value, np.float32), np.asarray(spread, np.float32)
 
 
@@ -88,3 +91,14 @@ def doubtful(sums: ShadowSums, rows: Int, asked: NDArray[np.bool_], count: int,
     around = np.take(state, np.take(neighbours, rows, axis=0))
     own = state[rows][:, None]
     return np.asarray(doubt | (((around != own) & (around > 0)).any(axis=1) & told))
+
+
+def missed(sums: ShadowSums, rows: Int, count: int, neighbours: Int | None) -> NDArray[np.bool_]:
+    """Footprints of which no ray to a lamp without closed form has a weight, though one of a footprint beside it has:
+    the lamp's beam may reach a part of them. Arguments as in `doubtful`."""
+    if neighbours is None:
+        return np.zeros(len(rows), bool)
+    lit = np.zeros(count + 1, bool)
+    lit[rows] = sums.met > 0
+    beside = np.take(lit, np.take(neighbours, rows, axis=0)).any(axis=1)
+    return np.asarray((sums.tried == 0) & ~sums.is_closed & beside)
