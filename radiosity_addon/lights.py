@@ -23,7 +23,7 @@ from .warn import Warnings, warn
 
 Float = NDArray[np.floating[Any]]
 
-# Cosine between the sides of an area lamp above which it counts as sheared.
+# Cosine between the sides of an area lamp, or sine between its face and its direction, above which it is sheared.
 SHEAR = 1e-3
 # Difference of a pattern's channels, relative to its peak, up to which it has one colour.
 ONE_COLOUR = 1e-2
@@ -155,7 +155,12 @@ def _area(name: str, data: Any, matrix: Float, strength: Float, warnings: Warnin
         warn(warnings, name, CODE, "its sides are not at right angles (a parent's scale shears it): it is baked as the "
              "parallelogram with all of its power, which Cycles does not render; apply the parent's scale")
     # It shines along -z; the solver's lamp along u x v. A mirrored matrix has them the other way round.
-    if np.cross(axis_u, axis_v) @ matrix[:3, 2] > 0:
+    facing = np.cross(axis_u, axis_v)
+    ahead = facing @ matrix[:3, 2]
+    if ahead**2 < (1 - SHEAR**2) * (facing @ facing) * (matrix[:3, 2] @ matrix[:3, 2]):
+        warn(warnings, name, CODE, "it does not shine straight ahead of its face (a parent's scale shears it): it is "
+             "baked as if it did, which Cycles does not render; apply the parent's scale")
+    if ahead > 0:
         axis_u, axis_v = axis_v, axis_u
     flux = strength if _is_normalised(data) else strength * area
     return Area(name, matrix[:3, 3], axis_u, axis_v, flux, round_, float(data.spread))

@@ -172,6 +172,16 @@ def test_a_sheared_square_is_told_of(stage):
     assert lights[0].power() == pytest.approx(5)
 
 
+@pytest.mark.parametrize("shape", ["SQUARE", "DISK"])
+def test_a_lamp_sheared_askew_of_its_face_is_told_of(stage, shape):
+    # Tilted about x by .6 rad, then stretched along y: its sides stay at right angles, and -z leans to its face.
+    bulb = lamp("AREA", energy=5, shape=shape, rotation=(0.6, 0, 0))
+    _shear(bulb)
+    assert len(exported()) == 1
+    bulb.parent.scale = (1, 3, 1)
+    assert "straight ahead" in warned()[1]
+
+
 def test_an_emissive_mesh_shines_from_its_back_too(stage):
     # A quad of 3 W/(m2 sr), 1.5 m above the receivers, whose front looks up, away from them.
     corners = np.array([(-0.5, -0.4, 1.5), (0.7, -0.4, 1.5), (0.7, 0.6, 1.7), (-0.5, 0.6, 1.7)])
