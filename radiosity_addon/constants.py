@@ -70,6 +70,30 @@ def mean_fresnel(ior: float) -> float:
     return float(np.where(inside > 0, (across**2 + along**2) / 2, 1.0).mean())
 
 
+def mean_coat(weight: float, tint: Triple, ior: float) -> Triple:
+    """Part of the light from below that leaves through Principled's coat, of light that is diffuse outside.
+
+    Notes
+    -----
+    As in Cycles a coat of full weight passes tint^(1 / cos), the cosine being that of the bent way in it, on the way
+    out alone. What its gloss holds back is left out, as Cycles does for light that is sent to other surfaces.
+    """
+    way = 1 / _bent(ior)
+    red, green, blue = (1 - weight + weight * float((max(channel, 0.0) ** way).mean()) for channel in tint)
+    return red, green, blue
+
+
+def coat_exponent(ior: float) -> float:
+    """The power of a tint that `mean_coat` comes to: exact for one of .3, within 1 % of the light from .1 to 1."""
+    middle = 0.3
+    return float(np.log((middle ** (1 / _bent(ior))).mean()) / np.log(middle))
+
+
+def _bent(ior: float) -> Float:
+    """`_cosines` of the directions inside of a coat."""
+    return np.asarray(np.sqrt(1 - (1 - _cosines() ** 2) / max(ior, 1.0) ** 2))
+
+
 def _cosines() -> Float:
     """Cosines of directions that are equally likely under diffuse light: their squares are spread evenly."""
     return np.asarray(np.sqrt((np.arange(DIRECTIONS) + 0.5) / DIRECTIONS))

@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 
 from . import compat
-from .constants import mean_fresnel
+from .constants import mean_coat, mean_fresnel
 from .sockets import BLACK, Colour, Reader, Triple, luminance
 from .warn import Warnings, warn
 
@@ -149,10 +149,12 @@ def _read_shader(socket: Any, reader: MaterialReader) -> Shading:
 def _principled(node: Any, reader: MaterialReader) -> Shading:
     _tell_bumps(node, reader)
     with reader.part("reflectance"):
-        reflectance = reader.colour(node.inputs["Base Color"])
+        reflectance = reader.colour(node.inputs["Base Color"]).tinted(_coat(node, reader))
     with reader.part("emission"):
         strength = reader.number(node.inputs["Emission Strength"])
         emission = reader.colour(node.inputs["Emission Color"]).scaled(strength) if strength > 0 else BLACK
+        if not emission.is_black:
+            emission = emission.tinted(_coat(node, reader))
     with reader.part("lost"):
         metallic = _unit(reader.number(node.inputs["Metallic"]))
     alpha = reader.weight(node.inputs["Alpha"])
@@ -172,6 +174,17 @@ def _principled(node: Any, reader: MaterialReader) -> Shading:
         reasons.append("subsurface scattering counts as reflection where the light comes in")
     return Shading(reflectance.scaled(solid), emission.scaled(alpha), 1 - solid, min(lost, 1.0), alpha * transmission,
                    tuple(reasons))
+
+
+def _coat(node: Any, reader: MaterialReader) -> Triple:
+    """What a Principled's coat tints the light from below with."""
+    weight = _unit(reader.number(node.inputs["Coat Weight"]))
+    if weight == 0:
+        return 1.0, 1.0, 1.0
+    tint = reader.colour(node.inputs["Coat Tint"])
+    if tint.image is not None:
+        reader.guess("the tint of its coat is an image, which is not evaluated: white is used")
+    return mean_coat(weight, tint.factor, _setting(node.inputs["Coat IOR"]))
 
 
 def specular_ior(ior: float, level: float) -> float:

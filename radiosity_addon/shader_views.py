@@ -11,13 +11,22 @@ from collections.abc import Callable
 from functools import partial
 from typing import Any
 
-from .constants import VIEW_DEPENDENT, Triple, mean_fresnel, of, triple
+from .constants import (
+    VIEW_DEPENDENT,
+    Triple,
+    coat_exponent,
+    mean_coat,
+    mean_fresnel,
+    of,
+    triple,
+)
 from .materials import specular_ior
 from .named_values import MISSING, Named
 from .sockets import feeding
 
 # A number, a colour, or the output socket of a node.
 Value = Any
+WHITE = (1.0, 1.0, 1.0)
 
 
 class _Tree:
@@ -70,6 +79,27 @@ class _Tree:
         node.inputs[1].default_value = (1 / 3, 1 / 3, 1 / 3)
         return node.outputs["Value"]
 
+    def product(self, a: Value, b: Value) -> Value:
+        """a b of colours, channel by channel."""
+        if isinstance(a, tuple) and isinstance(b, tuple):
+            return tuple(x * y for x, y in zip(a, b, strict=True))
+        if WHITE in (a, b):
+            return b if a == WHITE else a
+        return self._mix("MULTIPLY", 1.0, a, b)
+
+    def coat(self, node: Any) -> Value:
+        """What a Principled's coat tints the light from below with; see `constants.mean_coat`."""
+        weight, tint = self.unit(self.value(node, "Coat Weight")), self.value(node, "Coat Tint")
+        ior = float(node.inputs["Coat IOR"].default_value)
+        if weight == 0.0:
+            return WHITE
+        if isinstance(weight, float) and isinstance(tint, tuple):
+            return mean_coat(weight, tint, ior)
+        power = self.tree.nodes.new("ShaderNodeGamma")
+        self.feed(power.inputs["Color"], tint)
+        power.inputs["Gamma"].default_value = coat_exponent(ior)
+        return self._mix("MIX", weight, WHITE, power.outputs[0])
+
     def feed(self, socket: Any, value: Value) -> None:
         """Set or link an input."""
         if isinstance(value, float):
@@ -85,6 +115,13 @@ class _Tree:
         self.feed(node.inputs["Color"], colour)
         self.feed(node.inputs["Strength"], strength)
         return node.outputs[0]
+
+    def _mix(self, kind: str, factor: Value, a: Value, b: Value) -> Any:
+        node = self.tree.nodes.new("ShaderNodeMix")
+        node.data_type, node.blend_type = "RGBA", kind
+        for socket, value in zip([socket for socket in node.inputs if socket.enabled], (factor, a, b), strict=True):
+            self.feed(socket, value)
+        return next(socket for socket in node.outputs if socket.enabled)
 
     def _math(self, operation: str, a: Value, b: Value) -> Any:
         node = self.tree.nodes.new("ShaderNodeMath")
@@ -115,12 +152,13 @@ def _solid(tree: _Tree, node: Any) -> tuple[Value, Value]:
 
 def _principled_reflectance(tree: _Tree, node: Any) -> tuple[Value, Value]:
     alpha, transmission = _solid(tree, node)
-    return tree.value(node, "Base Color"), tree.times(alpha, tree.rest(transmission))
+    return (tree.product(tree.value(node, "Base Color"), tree.coat(node)),
+            tree.times(alpha, tree.rest(transmission)))
 
 
 def _principled_emission(tree: _Tree, node: Any) -> tuple[Value, Value]:
     strength = tree.times(tree.value(node, "Emission Strength"), tree.unit(tree.value(node, "Alpha")))
-    return tree.value(node, "Emission Color"), strength
+    return tree.product(tree.value(node, "Emission Color"), tree.coat(node)), strength
 
 
 def _principled_passing(tree: _Tree, node: Any) -> tuple[Value, Value]:

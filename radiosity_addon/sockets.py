@@ -49,6 +49,11 @@ class Colour:
         r, g, b = self.factor
         return Colour((r * factor, g * factor, b * factor), self.image if factor else None)
 
+    def tinted(self, tint: Triple) -> Colour:
+        """The colour times another, channel by channel."""
+        (r, g, b), (red, green, blue) = self.factor, tint
+        return Colour((r * red, g * green, b * blue), self.image if any(tint) else None)
+
     def clipped(self, low: float, high: float) -> Colour:
         """The colour's factor held between two values."""
         r, g, b = (float(min(max(value, low), high)) for value in self.factor)
