@@ -23,7 +23,7 @@ from ..solver.settings import Settings
 from .binding import NO_OPAQUE_FACE, Binding
 from .cycles_elsewhere import Elsewhere
 from .giants import with_fair_shares
-from .lamp_nodes import Emissions, emission_parts
+from .lamp_nodes import CODE, Emissions, emission_parts
 from .lights import lamp_data
 from .parts import ENDLESS, Parts, aside, whole
 from .surfaces import Surfaces, surface_parts
@@ -91,7 +91,7 @@ def export_parts(scene: Any, view_layer: Any, settings: Settings, warnings: Warn
         world = rendered_world(scene, view_layer)
         if elsewhere is not None and needs_render(world):
             elsewhere.bring([world])
-        emissions = yield from emission_parts(lamp_data(scene), warnings)
+        emissions = yield from emission_parts(lamp_data(scene), scene, view_layer, warnings, part_seconds)
         if glance is not None:
             yield from _glanced(scene, view_layer, settings, emissions, convert, part_seconds, glance, elsewhere)
         found = yield from surface_parts(scene, view_layer, settings, emissions, warnings, convert, part_seconds)
@@ -154,7 +154,14 @@ def _lit(found: Surfaces, lights: tuple[Light, ...], sky: Sky, settings: Setting
     if not any(surface.receives for surface in made.surfaces):
         raise NothingToBake(NO_OPAQUE_FACE)
     if not made.lights and made.sky.is_black and not np.asarray(made.emission).any():
-        raise NothingToBake("the scene has no light: add a lamp, an emissive material, or light in the world")
+        raise NothingToBake(_without_light(warnings))
     bindings = tuple(replace(binding, receives=surface.receives)
                      for binding, surface in zip(found.bindings, made.surfaces, strict=True))
     return Exported(made, bindings, replace(settings, only=()), tuple(found.assembly.materials.rows.values()))
+
+
+def _without_light(warnings: Warnings) -> str:
+    """What to say of a scene without light: lamps that are there and give none go first."""
+    told = next((f"lamp {entry['object']!r}: {entry['message']}" for entry in reversed(warnings)
+                 if entry["code"] == CODE), "add a lamp, an emissive material, or light in the world")
+    return f"the scene has no light: {told}"

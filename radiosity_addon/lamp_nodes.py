@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,8 +12,9 @@ from numpy.typing import NDArray
 from ..solver.luminaire import NATURAL, Fade, Falloff
 from . import compat, lamp_render, shown_images
 from .digest import digest
+from .lamp_places import Place, looks, places_of
 from .named_values import tell_named
-from .parts import Parts
+from .parts import ENDLESS, Parts
 from .sockets import Colour, Reader, feeding
 from .warn import Warnings, warn
 
@@ -24,6 +25,12 @@ CODE = "lamp"
 EVEN = 1e-3
 # Evaluated trees that are remembered, so that looking again at a scene that has not changed renders nothing.
 MOST_KEPT = 256
+# What a warning says of what nodes look at and a map of directions does not hold.
+UNSEEN = {
+    "length": "its nodes look at the distance to what they light (Ray Length): that counts as 1 m, use a Light Falloff "
+              "node",
+    "camera": "its nodes look at the camera: they see none, use another vector",
+}
 FADES: dict[str, Fade] = {"Quadratic": "quadratic", "Linear": "linear", "Constant": "constant"}
 
 
@@ -32,27 +39,34 @@ class LampEmission:
     """A lamp's nodes.
 
     factor : (3,) what its light is multiplied with everywhere, or where the pattern is highest.
-    pattern : (h, w, 3) float32, the part of `factor` by direction in the lamp's own axes; None: 1 everywhere.
+    pattern : (h, w, 3) float32, the part of `factor` by direction; None: 1 everywhere.
     falloff : with distance.
+    axes : those of the pattern's directions: the lamp's own as normals are turned into them, or as points are, which
+        differs where its scale is uneven; or the world's.
     """
 
     factor: Float
     pattern: Float | None = None
     falloff: Falloff = NATURAL
+    axes: Literal["normals", "points", "world"] = "normals"
 
 
-Emissions = dict[str, LampEmission]
+# By the full name of the lamps' data and by their places; None stands for all.
+Emissions = dict[str, dict[Place | None, LampEmission]]
 # Evaluated trees, and what was to be told of them, by their digests.
 _kept: dict[str, tuple[LampEmission, tuple[str, ...]]] = {}
 
 
-def emission_parts(lights: Iterable[Any], warnings: Warnings) -> Parts[Emissions]:
-    """The nodes of lamps, by the full name of their data, each a part. Renders, so not while rendering.
+def emission_parts(lights: Iterable[Any], scene: Any, view_layer: Any, warnings: Warnings,
+                   part_seconds: float = ENDLESS) -> Parts[Emissions]:
+    """The nodes of lamps, each a part. Renders, so not while rendering.
 
     Parameters
     ----------
     lights : bpy lights.
+    scene, view_layer : that a render shows them in.
     warnings : gets what was not read as Cycles does.
+    part_seconds : how long a part may take, about, where it can be cut.
 
     Raises
     ------
@@ -60,19 +74,35 @@ def emission_parts(lights: Iterable[Any], warnings: Warnings) -> Parts[Emissions
         If Cycles can't render a lamp's nodes, or the file of an image is missing.
     """
     found: Emissions = {}
+    waiting: list[tuple[Any, Falloff, frozenset[str]]] = []
     for data in list(lights):
-        found[data.name_full] = _read(data, warnings)
+        emission = _read(data, warnings)
+        if isinstance(emission, LampEmission):
+            found[data.name_full] = {None: emission}
+        else:
+            waiting.append((data, emission, looks(data.node_tree)))
         yield
+    placed = yield from places_of([data for data, _, seen in waiting if "place" in seen], scene, view_layer,
+                                  part_seconds)
+    for data, falloff, seen in waiting:
+        found[data.name_full] = {}
+        for place in placed.get(data.name_full, (None,)):
+            found[data.name_full][place], messages = _evaluated(data, falloff, place, as_spot="uv" in seen)
+            for message in messages:
+                warn(warnings, data.name, CODE, message)
+            yield
     return found
 
 
-def _read(data: Any, warnings: Warnings) -> LampEmission:
+def _read(data: Any, warnings: Warnings) -> LampEmission | Falloff:
+    """A lamp's nodes where they are plain, else its falloff, all that can be read of it."""
     if not compat.uses_nodes(data):
         return LampEmission(np.ones(3))
     output = data.node_tree.get_output_node("CYCLES")
     reader = _LampReader(data.name, warnings)
     if output is None or reader.source(output.inputs["Surface"]) is None:
         return LampEmission(np.zeros(3))
+    _tell_unseen(data, reader)
     falloff = _falloff(data, reader)
     with reader.at(output.inputs["Surface"]) as source:
         if source.node.bl_idname == "ShaderNodeEmission":
@@ -83,43 +113,73 @@ def _read(data: Any, warnings: Warnings) -> LampEmission:
     shown_images.require(data.node_tree, f"lamp {data.name!r}")
     tell_named(data, CODE, warnings)
     shown_images.tell_animated(data.node_tree, data.name, CODE, shown_images.FIRST, warnings)
-    emission, messages = _evaluated(data, falloff)
-    for message in messages:
-        reader.warn(message)
-    return emission
+    return falloff
 
 
-def _evaluated(data: Any, falloff: Falloff) -> tuple[LampEmission, tuple[str, ...]]:
+def _tell_unseen(data: Any, reader: _LampReader) -> None:
+    """Tell of what a lamp's nodes look at and the lamp here does not know."""
+    seen = looks(data.node_tree)
+    for word in UNSEEN:
+        if word in seen:
+            reader.warn(UNSEEN[word])
+    if "position" in seen and data.type in {"POINT", "SPOT"} and data.shadow_soft_size > 0:
+        reader.warn("its nodes look at points of the lamp: its middle counts for all, give it a radius of 0")
+    if "position" in seen and data.type == "SUN" and data.angle > 0:
+        reader.warn("its nodes look at points of the sun: its middle counts for all")
+    if "direction" in seen and data.type == "AREA":
+        reader.warn("its nodes look at the direction of the light: that straight on counts for all")
+
+
+def _evaluated(data: Any, falloff: Falloff, place: Place | None, *,
+               as_spot: bool) -> tuple[LampEmission, tuple[str, ...]]:
     """A lamp's nodes as Cycles evaluates them, from memory if it has, and what to tell of them."""
-    key = digest(data.type, data.node_tree)
+    size = {"SPOT": lambda: (data.spot_size, as_spot), "AREA": lambda: (data.shape, data.size, data.size_y)}
+    key = digest(data.type, size.get(data.type, tuple)(), place, data.node_tree)
     if key not in _kept:
         if len(_kept) >= MOST_KEPT:
             _kept.clear()
-        _kept[key] = (_face if data.type == "AREA" else _pattern)(data, falloff)
+        if data.type == "SUN":
+            _kept[key] = _sun(data, place)
+        elif data.type == "AREA":
+            _kept[key] = _face(data, falloff, place)
+        else:
+            _kept[key] = _pattern(data, falloff, place, as_spot=as_spot and data.type == "SPOT")
     return _kept[key]
 
 
-def _pattern(data: Any, falloff: Falloff) -> tuple[LampEmission, tuple[str, ...]]:
-    """A point, spot or sun lamp's nodes as Cycles evaluates them."""
-    messages: list[str] = []
-    seen, distance = lamp_render.intensity_pattern(data)
-    if not np.isfinite(seen).all():
-        messages.append("its nodes give light that is not finite in some directions: it counts as none there")
-        seen = np.nan_to_num(seen, nan=0.0, posinf=0.0, neginf=0.0)
+def _pattern(data: Any, falloff: Falloff, place: Place | None, *,
+             as_spot: bool) -> tuple[LampEmission, tuple[str, ...]]:
+    """A point or spot lamp's nodes as Cycles evaluates them."""
+    at = place or lamp_render.ORIGIN
+    seen, distance = lamp_render.intensity_pattern(data, at, as_spot=as_spot)
+    seen, messages = _finite(seen)
     pattern = np.maximum(seen / np.maximum(falloff.factor(distance), np.float32(1e-30))[..., None], 0)
-    if data.type == "SUN":
-        # Its light leaves along -z alone.
-        below = pattern[0].mean(axis=0)
-        return LampEmission(below.astype(np.float64)), tuple(messages)
+    if as_spot:
+        pattern = lamp_render.beyond_the_cone(pattern, at, float(data.spot_size))
     peak = pattern.max(axis=(0, 1)).astype(np.float64)
     if (np.ptp(pattern, axis=(0, 1)) <= EVEN * peak.max()).all():
-        return LampEmission(pattern.mean(axis=(0, 1)).astype(np.float64), None, falloff), tuple(messages)
-    return LampEmission(peak, pattern / np.where(peak > 0, peak, 1).astype(np.float32), falloff), tuple(messages)
+        return LampEmission(pattern.mean(axis=(0, 1)).astype(np.float64), None, falloff), messages
+    return LampEmission(peak, pattern / np.where(peak > 0, peak, 1).astype(np.float32), falloff,
+                        "world" if place is not None else "points" if as_spot else "normals"), messages
 
 
-def _face(data: Any, falloff: Falloff) -> tuple[LampEmission, tuple[str, ...]]:
+def _sun(data: Any, place: Place | None) -> tuple[LampEmission, tuple[str, ...]]:
+    """A sun's nodes as Cycles evaluates them along its axis."""
+    seen, messages = _finite(lamp_render.sun_factor(data, place or lamp_render.ORIGIN))
+    return LampEmission(np.maximum(seen, 0).astype(np.float64)), messages
+
+
+def _finite(seen: Float) -> tuple[Float, tuple[str, ...]]:
+    """Light with 0 where it is not finite, and what to tell of that."""
+    if np.isfinite(seen).all():
+        return seen, ()
+    return (np.nan_to_num(seen, nan=0.0, posinf=0.0, neginf=0.0),
+            ("its nodes give light that is not finite in some directions: it counts as none there",))
+
+
+def _face(data: Any, falloff: Falloff, place: Place | None) -> tuple[LampEmission, tuple[str, ...]]:
     """An area lamp's nodes as Cycles evaluates them, the mean over its face."""
-    seen = np.maximum(np.nan_to_num(lamp_render.face_pattern(data), nan=0.0, posinf=0.0, neginf=0.0), 0)
+    seen = np.maximum(np.nan_to_num(lamp_render.face_pattern(data, place), nan=0.0, posinf=0.0, neginf=0.0), 0)
     # The picture is taken from a distance of 1 m.
     mean = seen.mean(axis=(0, 1)).astype(np.float64) / float(falloff.factor(np.ones(1))[0])
     varies = (np.ptp(seen, axis=(0, 1)) > EVEN * seen.max()).any()

@@ -18,6 +18,7 @@ from ..solver.linking import FREE, Linked
 from ..solver.luminaire import NATURAL, Luminaire
 from ..solver.spot import Spot
 from .lamp_nodes import CODE, Emissions, LampEmission
+from .lamp_places import is_rendered, place_of
 from .linking import Linking
 from .warn import Warnings, warn
 
@@ -50,11 +51,9 @@ def export_lights(depsgraph: Any, linking: Linking, warnings: Warnings,
     """
     lights: list[Light] = []
     for instance in depsgraph.object_instances:
-        lamp = instance.object
-        if lamp.type != "LIGHT" or not instance.show_self or lamp.hide_render:
-            continue
-        made = _export(lamp, np.array(instance.matrix_world, np.float64), emissions or {}, warnings)
-        lights += _linked(lamp, made, linking, warnings)
+        if is_rendered(instance):
+            made = _export(instance, emissions or {}, warnings)
+            lights += _linked(instance.object, made, linking, warnings)
     return tuple(lights)
 
 
@@ -76,12 +75,16 @@ def lamp_data(scene: Any) -> list[Any]:
     return sorted((block for block in met if isinstance(block, bpy.types.Light)), key=lambda data: str(data.name_full))
 
 
-def _export(lamp: Any, matrix: Float, emissions: Emissions, warnings: Warnings) -> list[Light]:
+def _export(instance: Any, emissions: Emissions, warnings: Warnings) -> list[Light]:
+    lamp, matrix = instance.object, np.array(instance.matrix_world, np.float64)
     name, data = lamp.name, lamp.data
     if data.type == "AREA" and _cycles(data, "is_portal"):
         return []  # it guides Cycles' samples and sends nothing
-    emission = emissions.get(data.original.name_full, PLAIN)
+    emission = _emission(instance, emissions)
     strength = _strength(data) * emission.factor
+    if _strength(data).any() and not strength.any():
+        warn(warnings, name, CODE, "its nodes give no light: it is left out, look at its Emission node's color and "
+             "strength")
     if not strength.any() or not _lights_diffuse_surfaces(lamp, warnings):
         return []
     if (strength < 0).any() or not np.isfinite(strength).all():
@@ -93,6 +96,13 @@ def _export(lamp: Any, matrix: Float, emissions: Emissions, warnings: Warnings) 
         return []
     made = [MAKERS[data.type](name, data, matrix, part, warnings) for part in _by_colour(strength, emission)]
     return [_shaped(light, emission, channel, matrix) for channel, light in enumerate(made) if light is not None]
+
+
+def _emission(instance: Any, emissions: Emissions) -> LampEmission:
+    """What the nodes of a lamp give where it stands; drafts, whose modifiers may be others, take what is next best."""
+    found = emissions.get(instance.object.data.original.name_full, {})
+    place = place_of(instance) if None not in found else None
+    return found.get(place) or next(iter(found.values()), PLAIN)
 
 
 def _linked(lamp: Any, lights: list[Light], linking: Linking, warnings: Warnings) -> list[Light]:
@@ -124,7 +134,9 @@ def _shaped(light: Light, emission: LampEmission, channel: int, matrix: Float) -
         return Luminaire(light, falloff=emission.falloff)
     lit = np.flatnonzero(light.colour)
     pattern = emission.pattern[..., lit].mean(axis=2) if len(lit) > 1 else emission.pattern[..., channel]
-    return Luminaire(light, pattern, matrix[:3, :3], emission.falloff)
+    frame = matrix[:3, :3]
+    frames = {"normals": frame, "points": np.linalg.pinv(frame).T, "world": np.eye(3)}
+    return Luminaire(light, pattern, frames[emission.axes], emission.falloff)
 
 
 def _sun(name: str, data: Any, matrix: Float, strength: Float, warnings: Warnings) -> Light:

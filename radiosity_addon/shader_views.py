@@ -12,6 +12,7 @@ from functools import partial
 from typing import Any
 
 from .constants import (
+    DIFFUSE_RAY,
     VIEW_DEPENDENT,
     Triple,
     coat_exponent,
@@ -225,6 +226,14 @@ def show_to_diffuse_rays(tree: Any) -> list[Any]:
     return _rewritten(tree, _fix_light_path)
 
 
+def show_to_lit_surfaces(tree: Any, random: float) -> list[Any]:
+    """Rewrite a lamp's node tree, a copy, so that it looks alike from any distance; the groups copied for it.
+
+    `random` is what its Object Info nodes say is random about the object.
+    """
+    return _rewritten(tree, partial(_fix_lamp, random=random))
+
+
 def _rewritten(tree: Any, change: Callable[[Any, Any], None]) -> list[Any]:
     """Change the nodes of a tree and of copies of its groups; these copies."""
     groups: dict[Any, Any] = {}
@@ -265,6 +274,13 @@ def _show_node(tree: Any, node: Any, part: str, random: float, named: Named) -> 
         _put_named(tree, node, named.get((node.attribute_type, node.attribute_name), MISSING))
     else:
         _fix_light_path(tree, node)
+
+
+def _fix_lamp(tree: Any, node: Any, random: float) -> None:
+    if node.bl_idname == "ShaderNodeObjectInfo":
+        _replace(tree, node.outputs["Random"], _number(tree, random))
+    elif node.bl_idname == "ShaderNodeLightPath":
+        _replace(tree, node.outputs["Ray Length"], _number(tree, DIFFUSE_RAY["Ray Length"]))
 
 
 def _put_named(tree: Any, node: Any, value: tuple[float, ...]) -> None:

@@ -105,7 +105,7 @@ def survey_parts(scene: Any, view_layer: Any, part_seconds: float = ENDLESS) -> 
         As an export does.
     """
     world = rendered_world(scene, view_layer)
-    emissions = yield from emission_parts(lamp_data(scene), [])
+    emissions = yield from emission_parts(lamp_data(scene), scene, view_layer, [], part_seconds)
     looker = _Looker(emissions, world)
     yield from walk(scene, view_layer, looker.go_on, part_seconds)
     return looker.found

@@ -223,7 +223,8 @@ def read_world(world, warnings):
 
 def _export():
     warnings = []
-    emissions = whole(emission_parts(lamp_data(bpy.context.scene), warnings))
+    scene, layer = bpy.context.scene, bpy.context.view_layer
+    emissions = whole(emission_parts(lamp_data(scene), scene, layer, warnings))
     depsgraph = bpy.context.evaluated_depsgraph_get()
     linking = Linking(depsgraph, shown_meshes(depsgraph, warnings))
     return export_lights(depsgraph, linking, warnings, emissions), warnings

@@ -107,6 +107,9 @@ def test_a_world_that_asks_its_scene_is_told(build):
 def test_a_lamp_that_asks_its_object_is_told(stage):
     bulb = lamp("POINT", energy=10)
     bulb["Tint"] = TINT
-    _attribute_into(emission_nodes(bulb, (1, 1, 1), 1).inputs["Color"], "OBJECT")
+    emission = emission_nodes(bulb, (1, 1, 1), 1)
+    rest = emission.id_data.nodes.new("ShaderNodeInvert")
+    _attribute_into(rest.inputs["Color"], "OBJECT")
+    emission.id_data.links.new(rest.outputs[0], emission.inputs["Color"])
     _, message = warned()
     assert "asks for 'Tint' (Object)" in message
