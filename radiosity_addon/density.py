@@ -65,14 +65,10 @@ def show(scene: Any) -> list[Density]:
         raise NothingToBake("no object has a lightmap yet: bake, or set UV Map and Resolution")
     usual = float(np.median([each.pixels_per_metre for each in found]))
     for each in found:
-        material = _material(each, each.pixels_per_metre / max(usual, 1e-30))
-        slots.cover(each.item, partial(_instead, material))
+        ratio = each.pixels_per_metre / max(usual, 1e-30)
+        slots.cover(each.item, slots.one_for_each(partial(_material, each, ratio)))
     scene.radiosity_view.mode = BAKED
     return found
-
-
-def _instead(material: Any, _covered: Any) -> Any:
-    return material
 
 
 def _laid_out(scene: Any) -> Iterator[tuple[Any, str, tuple[int, int]]]:

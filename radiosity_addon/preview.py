@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from contextlib import AbstractContextManager
+from functools import partial
 from typing import Any
 
 import bpy
@@ -104,14 +105,14 @@ def _unlit_materials() -> Callable[[Result], Callable[[Any], Any]]:
 def _lux_materials(scene: Any) -> Callable[[Result], Callable[[Any], Any]]:
     view = scene.radiosity_view
     scale = false_colour.scale_group(view.scale_low, view.scale_high, view.scale_step)
-    kept: dict[Key, Any] = {}
+    kept: dict[Key, Callable[[Any], Any]] = {}
 
     def make(result: Result) -> Callable[[Any], Any]:
         key = key_of(result)
         if key not in kept:
             light = light_group(result, TO_RADIANCE[result.quantity])
-            kept[key] = false_colour.material_of_light(light, scale)
-        return lambda _material: kept[key]
+            kept[key] = slots.one_for_each(partial(false_colour.material_of_light, light, scale))
+        return kept[key]
 
     return make
 

@@ -37,6 +37,8 @@ class RADIOSITY_PT_view(_Sub, bpy.types.Panel):
         shown = context.scene.radiosity_view.mode == BAKED
         column.operator("radiosity.preview", text="Show Materials" if shown else "Show Baked Light",
                         icon="MATERIAL" if shown else "SHADING_TEXTURE", depress=shown)
+        if context.scene.radiosity_view.mode in (BAKED, LUX):
+            column.label(text="Slots show copies of your materials", icon="INFO")
         column.operator("radiosity.clear", icon="TRASH")
 
 

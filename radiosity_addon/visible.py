@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from ..solver.errors import SceneError
 from .object_random import random_of
+from .slots import own
 from .warn import Warnings, warn
 
 # Kinds of rays that lightmaps know, by Blender's words for whether they meet an object.
@@ -33,7 +34,7 @@ class Shown:
     layer : the view layer that it is shown in, with its scene and world.
     mesh : the evaluated bpy mesh.
     matrix : (4, 4) float64 to world space.
-    materials : of its slots; None for an empty slot.
+    materials : the user's, of its slots; None for an empty slot.
     random : between 0 and 1, the same in every render: what Object Info calls random.
     own_mesh : whether `mesh` is the evaluated mesh of `original`, and nothing that was made on the way.
     """
@@ -114,7 +115,8 @@ def shown_meshes(depsgraph: Any, warnings: Warnings) -> list[Shown]:
         if not original.visible_shadow:
             warn(warnings, original.name, "visibility", "casts no shadow of lamps, as it is set (Ray Visibility); "
                  "light of the sky, but for its suns, it stops all the same")
-        materials = tuple(slot.material for slot in item.material_slots)
+        # Linked from a library that was saved while a view was on, they still hold its materials.
+        materials = tuple(own(slot.material) for slot in item.material_slots)
         shown.append(Shown(name, original, instancer, parent, layer, item.data, matrix, materials,
                            random_of(instance), not made_on_the_way))
     return shown
