@@ -9,6 +9,7 @@ import bpy
 from ..radiosity_addon.command import parse_options
 from ..radiosity_addon.job import Job, Outcome, run
 from ..radiosity_addon.live import LiveJob
+from ..radiosity_addon.panel_words import in_panel_words
 from ..radiosity_addon.summary import one_line
 from ..radiosity_addon.warn import as_line
 from ..radiosity_addon.window_request import request_in
@@ -52,12 +53,14 @@ class RADIOSITY_OT_bake(Asked, Working, bpy.types.Operator):
     def _tell(self, outcome: Outcome) -> set[str]:
         warnings = outcome.report["warnings"]
         for warning in warnings[:SHOWN_WARNINGS]:
-            self.report({"WARNING"}, as_line(warning))
+            self.report({"WARNING"}, in_panel_words(as_line(warning)))
         if len(warnings) > SHOWN_WARNINGS:
             self.report({"WARNING"}, f"{len(warnings) - SHOWN_WARNINGS} more warnings are in the report")
         if outcome.report.get("good_enough"):
             self.report({"INFO"}, "Good enough: kept a draft")
         elif outcome.exit_code:
             self.report({"WARNING"}, f"The wanted error of {outcome.report['error']['wanted']:.2%} was not reached")
-        self.report({"INFO"}, f"Baked {one_line(outcome.report)}")
+        # The line that the status bar shows: warnings scroll by before it.
+        told = f", {len(warnings)} warning{'s'[:len(warnings) > 1]}: see the Info editor" if warnings else ""
+        self.report({"INFO"}, f"Baked {one_line(outcome.report)}{told}")
         return {"FINISHED"}

@@ -10,6 +10,7 @@ from ..radiosity_addon.check import find, lines
 from ..radiosity_addon.command import parse_options
 from ..radiosity_addon.findings import keep_findings
 from ..radiosity_addon.job import Job
+from ..radiosity_addon.panel_words import in_panel_words
 from ..radiosity_addon.warn import as_line
 from ..radiosity_addon.window_request import settings_in
 from ..solver.errors import RadiosityError
@@ -38,7 +39,7 @@ class RADIOSITY_OT_check(bpy.types.Operator):
         if context.area is not None:
             context.area.tag_redraw()  # the panel of findings may be new
         for warning in found.warnings:
-            self.report({"ERROR"} if warning["code"] == "error" else {"WARNING"}, as_line(warning))
+            self.report({"ERROR"} if warning["code"] == "error" else {"WARNING"}, in_panel_words(as_line(warning)))
         if found.failure is not None:
             return {"CANCELLED"}
         for line in lines(found):

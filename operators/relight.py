@@ -10,6 +10,7 @@ import bpy
 from ..radiosity_addon import cache, live_relight
 from ..radiosity_addon.command import parse_options
 from ..radiosity_addon.job import Job, Outcome
+from ..radiosity_addon.panel_words import in_panel_words
 from ..radiosity_addon.relight import RelightJob, relight
 from ..radiosity_addon.relight_request import kept_in, relight_request
 from ..radiosity_addon.warn import as_line
@@ -49,7 +50,7 @@ class RADIOSITY_OT_relight(Asked, Working, bpy.types.Operator):
     def _tell(self, outcome: Outcome) -> set[str]:
         told = outcome.report
         for warning in told["warnings"]:
-            self.report({"WARNING"}, as_line(warning))
+            self.report({"WARNING"}, in_panel_words(as_line(warning)))
         self.report({"INFO"}, f"Relit {len(told['outputs'])} objects from {len(told['groups'])} light groups in "
                     f"{told['seconds']:.2f} s")
         return {"FINISHED"}

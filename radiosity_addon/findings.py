@@ -5,6 +5,8 @@ from __future__ import annotations
 from collections.abc import Iterable
 from typing import Any
 
+from .panel_words import in_panel_words
+
 
 def keep_findings(scene: Any, warnings: Iterable[dict[str, Any]]) -> None:
     """Put warnings in place of older ones."""
@@ -13,5 +15,5 @@ def keep_findings(scene: Any, warnings: Iterable[dict[str, Any]]) -> None:
     for warning in warnings:
         finding = view.findings.add()
         finding.name = str(warning.get("object") or "")
-        finding.code, finding.message = str(warning["code"]), str(warning["message"])
+        finding.code, finding.message = str(warning["code"]), in_panel_words(str(warning["message"]))
     view.checked = True

@@ -17,7 +17,7 @@ def apply_modifiers(scene: Any, view_layer: Any, bindings: Sequence[Binding], wa
     """Give each object the mesh that a render shows, without modifiers; returns the names of the objects changed.
 
     Objects that shared their mesh with others get one of their own. Those that show more than meshes of their own (see
-    `carriers`) keep their modifiers.
+    `carriers`) keep their modifiers, and so do those with shape keys, which would be lost.
     """
     names = dict.fromkeys(binding.object for binding in bindings if binding.mesh and not binding.linked)
     meshes = cycles.with_render_depsgraph(scene, view_layer, lambda depsgraph: _evaluated(depsgraph, names))
@@ -36,7 +36,8 @@ def _evaluated(depsgraph: Any, names: dict[str, None]) -> dict[str, Any]:
     kept = carriers(depsgraph)
     return {name: bpy.data.meshes.new_from_object(bpy.data.objects[name].evaluated_get(depsgraph),
                                                   preserve_all_data_layers=True, depsgraph=depsgraph)
-            for name in names if name in bpy.data.objects and name not in kept}
+            for name in names if name in bpy.data.objects and name not in kept
+            and bpy.data.objects[name].data.shape_keys is None}
 
 
 def _replace_mesh(item: Any, mesh: Any) -> None:

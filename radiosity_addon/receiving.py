@@ -74,6 +74,9 @@ def _no_conversion(item: Shown, convert: bool, generated: Counter[str], carriers
     if name in carriers:
         return ("a bake can't convert it, as it shows other objects or hair too, which would vanish: make the "
                 "instances real (Object > Apply > Make Instances Real)")
+    if item.original.type == "MESH" and item.original.data.shape_keys is not None:
+        return ("a bake can't convert it, as its shape keys would be lost: apply these first (Object Data > Shape Keys "
+                "> Apply All Shape Keys)")
     return ""
 
 

@@ -67,7 +67,8 @@ def _write(exported: Exported, bake: Bake, staged: Staged, request: Request, sce
         stored = yield from _store(exported, bake, request, scene, view_layer, warnings)
         _forget_overwritten(exported.bindings, stored, request, warnings)
         for binding in exported.bindings:
-            _remember(binding, request, stored.get(binding.surface))
+            if binding.receives:
+                _remember(binding, request, stored.get(binding.surface))
         return [_entry(binding, request, attribute=stored.get(binding.surface))
                 for binding in exported.bindings if binding.receives]
     claims = Claims(_baked(exported.bindings), request.save)
@@ -83,9 +84,10 @@ def _write(exported: Exported, bake: Bake, staged: Staged, request: Request, sce
     _forget_overwritten(exported.bindings, stored, request, warnings)
     outputs = []
     for binding, page in zip(exported.bindings, bake.page_of_surface, strict=True):
+        if binding.receives:
+            _remember(binding, request, stored.get(binding.surface), images[page] if page >= 0 else None)
         if page < 0:
             continue
-        _remember(binding, request, stored.get(binding.surface), images[page])
         name = relative_to_report(paths[page], request.report_path) if paths else images[page].name
         height, width = bake.lightmaps[page].pixels.shape[:2]
         outputs.append(_entry(binding, request, uv_layer=stored.get(binding.surface), image=name,
@@ -101,13 +103,18 @@ def _entry(binding: Binding, request: Request, **fields: Any) -> dict[str, Any]:
 
 
 def _remember(binding: Binding, request: Request, layer: str | None, image: Any = None) -> None:
-    """Let the object know its result, where an object is shown once and is ours to write to."""
+    """Let the object know its result, where an object is shown once and is ours to write to.
+
+    An image without a layer is its own, and it has no result: an earlier layer lays out another image.
+    """
     item = bpy.data.objects.get(binding.object)
     if item is None or binding.instancer or item.library is not None:
         return
     if layer is not None:
         remember(item, request.settings.target, request.settings.quantity, layer, image)
-    elif image is not None:
+        return
+    forget(item)
+    if image is not None:
         item[MARK] = image
 
 
@@ -201,18 +208,27 @@ def _mesh_of(binding: Binding, applied: set[str], apply: bool, warnings: Warning
         return None
     if not binding.same_topology and binding.object not in applied:
         names = ", ".join(modifier.name for modifier in item.modifiers) or "shape"
-        advice = ("they show instances or hair too, which would vanish if a bake applied them, so make the instances "
-                  "real first (Object > Apply > Make Instances Real)" if apply
-                  else "apply them (--apply-modifiers does)")
         warn(warnings, binding.surface, "not_stored",
              f"its modifiers ({names}) make other corners than its mesh has, so the mesh can't hold the result: "
-             f"{advice}, or bake with a UV map of your own (--uv-layer)")
+             f"{_on_modifiers(item, apply)}, or bake with a UV map of your own (--uv-layer)")
         return None
     if len(item.data.loops) != binding.corner_count:
         warn(warnings, binding.surface, "not_stored",
              f"its mesh had {binding.corner_count} corners and now has {len(item.data.loops)}: bake again")
         return None
     return item.data
+
+
+def _on_modifiers(item: Any, apply: bool) -> str:
+    """What to do about the modifiers of an object; `apply` if they were to be applied."""
+    if item.data.shape_keys is not None:
+        keys = ", ".join(key.name for key in item.data.shape_keys.key_blocks)
+        return (f"its shape keys ({keys}) would be lost if a bake applied them, so apply these first (Object Data > "
+                "Shape Keys > Apply All Shape Keys)")
+    if apply:
+        return ("they show instances or hair too, which would vanish if a bake applied them, so make the instances "
+                "real first (Object > Apply > Make Instances Real)")
+    return "apply them (--apply-modifiers does)"
 
 
 def _on_corners(surface: Surface, values: Float | None, corner_count: int) -> Float:

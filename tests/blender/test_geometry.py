@@ -13,6 +13,7 @@ import pytest
 from mathutils import Matrix
 from radiosity.radiosity_addon.job import run
 from radiosity.radiosity_addon.request import Request
+from radiosity.radiosity_addon.results import result_of
 from radiosity.solver.errors import SceneError
 from radiosity.solver.settings import Settings
 from radiosity.tests.blender.stage import geometry_nodes
@@ -134,6 +135,33 @@ def test_modifiers_are_baked_and_applied_where_that_is_asked_for(stage, tmp_path
     assert told(report, "modifiers_applied") == ["Square"]
     assert light_at(square, (0.4, 0.6, 0)) == pytest.approx(SUN, rel=0.01)
     assert light_at(square, (1.4, 0.6, 0)) == pytest.approx(SUN, rel=0.01)
+
+
+@pytest.mark.parametrize("target", ["lightmap", "vertex"])
+def test_a_result_that_a_new_modifier_keeps_from_being_stored_is_none(stage, tmp_path, target):
+    # A square, baked, then baked again with an array of two. Exact answer: it had a result and has none any more, not
+    # the new image on the old map; what is not baked keeps its own.
+    square, other = stage.mesh("Square"), stage.mesh("Other")
+    other.location.x = 5
+    bake(tmp_path, target=target)
+    assert result_of(square) is not None
+    square.modifiers.new("Array", "ARRAY").count = 2
+    assert told(bake(tmp_path, target=target, only=("Square",)), "not_stored") == ["Square"]
+    assert result_of(square) is None
+    assert result_of(other) is not None
+
+
+def test_modifiers_over_shape_keys_are_not_applied(stage, tmp_path):
+    # A square with shape keys and an array of two. Exact answer: both stay, and it is told with the keys' names.
+    square = stage.mesh("Square")
+    for name in ("Basis", "Open"):
+        square.shape_key_add(name=name)
+    square.modifiers.new("Array", "ARRAY").count = 2
+    report = bake(tmp_path, convert=True)
+    assert told(report, "not_stored") == ["Square"]
+    assert any("its shape keys (Basis, Open) would be lost" in entry["message"] for entry in report["warnings"])
+    assert [key.name for key in square.data.shape_keys.key_blocks] == ["Basis", "Open"]
+    assert len(square.modifiers) == 1
 
 
 def _moved(tree: Any, geometry: Any, offset: tuple[float, float, float]) -> Any:

@@ -13,6 +13,7 @@ import pytest
 from radiosity import operators
 from radiosity.radiosity_addon.command import parse_options, request_of
 from radiosity.radiosity_addon.job import Job
+from radiosity.radiosity_addon.panel_words import in_panel_words
 from radiosity.radiosity_addon.request import Request
 from radiosity.solver.errors import RadiosityError, SettingsError
 
@@ -112,6 +113,18 @@ def test_a_failure_leaves_the_file_as_it_was_and_frees_the_way(stage, tmp_path):
     assert state() == before
     square.data.vertices[0].co.x = 0
     assert bpy.ops.radiosity.bake(options=options) == {"FINISHED"}
+
+
+def test_warnings_are_told_in_the_words_of_the_panel_and_counted(stage, tmp_path, capfd):
+    # A square with an array, whose mesh can't hold the result. Exact answer: advice names the settings, no option of
+    # the command line; the last line counts one warning.
+    bpy.data.objects["Square"].modifiers.new("Array", "ARRAY").count = 2
+    bpy.ops.radiosity.bake(options=f"--output '{tmp_path}'")
+    told = [line for line in capfd.readouterr().out.splitlines() if line.startswith(("Warning: ", "Info: "))]
+    assert "apply them (Apply Modifiers does), or bake with a UV map of your own (UV Map)" in told[0]
+    assert told[-1].endswith("1 warning: see the Info editor")
+    assert in_panel_words("see it (--no-apply-modifiers keeps them, --save too)") == (
+        "see it (Apply Modifiers off keeps them, --save too)")
 
 
 def test_a_second_start_is_refused(stage):
