@@ -29,7 +29,7 @@ def register() -> None:
     """Register the classes, the settings of each scene, and `blender -c radiosity`."""
     import bpy
 
-    from . import compare_panel, legend, live_relight, look_overlay, object_settings, settings, view_settings
+    from . import compare_panel, legend, live_relight, look_overlay, object_settings, settings, undone, view_settings
     from .command import execute
 
     for cls in _classes():
@@ -40,6 +40,7 @@ def register() -> None:
     legend.attach()
     look_overlay.attach()
     live_relight.attach()
+    undone.attach()
     compare_panel.attach()
     _commands.append(bpy.utils.register_cli_command("radiosity", execute))
 
@@ -48,11 +49,12 @@ def unregister() -> None:
     """Undo register(), last first."""
     import bpy
 
-    from . import compare_panel, legend, live_relight, look_overlay, object_settings, settings, view_settings
+    from . import compare_panel, legend, live_relight, look_overlay, object_settings, settings, undone, view_settings
 
     while _commands:
         bpy.utils.unregister_cli_command(_commands.pop())
     compare_panel.detach()
+    undone.detach()
     live_relight.detach()
     look_overlay.detach()
     legend.detach()

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..solver.quantities import PREFIX
-from .exr_writer import has_attribute, write_exr
+from .exr_writer import has_attribute, text_attribute, write_exr
 from .names import block_name, file_stem
 
 Float = NDArray[np.floating[Any]]
@@ -22,6 +22,8 @@ MARK = "radiosity_lightmaps"
 # Attributes of the files of a bake: its .blend and the one saved with it, relative to the file's folder, and the
 # objects, with commas between.
 BLEND, SAVED, OBJECTS = f"{PREFIX}blend", f"{PREFIX}saved", f"{PREFIX}objects"
+# What tells layouts apart, an attribute of a file; and custom property of the image that shows it.
+LAYOUT = f"{PREFIX}layout"
 BETWEEN = ", "
 
 
@@ -78,6 +80,7 @@ def linked_image(name: str, path: Path, blend: str, *, pack: bool) -> Any:
     if pack:
         image.pack()
     image.filepath = _relative(path, blend)
+    image[LAYOUT] = text_attribute(path, LAYOUT)
     return image
 
 

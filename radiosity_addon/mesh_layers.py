@@ -51,7 +51,8 @@ def put_uv(mesh: Any, uv: Float, name: str) -> str:
         mesh[UV_MARK] = ours
         layers.active_index = active
         layers[rendered].active_render = True
-    layers[ours].uv.foreach_set("vector", np.ascontiguousarray(uv, np.float32).ravel())
+    # Written through `uv_layers`, the last undo step would have the new coordinates too (Blender 4.3).
+    mesh.attributes[ours].data.foreach_set("vector", np.ascontiguousarray(uv, np.float32).ravel())
     mesh.update()
     return str(ours)
 

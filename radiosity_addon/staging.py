@@ -14,12 +14,15 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
+import numpy as np
+
 from ..solver.errors import OutputError
 from ..solver.quantities import header
 from ..solver.result import Bake, Lightmap
 from ..solver.whole_file import reason
 from . import baked_images, group_files
 from .claims import Claims
+from .digest import digest
 from .report import relative_path
 from .request import Request
 
@@ -76,8 +79,9 @@ def stage(bake: Bake, request: Request, blend: str) -> Staged:
     folder = _folder(request.output)
     try:
         images = tuple(folder / f"image_{number}.exr" for number in range(len(bake.lightmaps)))
-        for page, path in zip(bake.lightmaps, images, strict=True):
-            baked_images.write_marked(path, page.pixels, _header(bake, page, request, blend))
+        for number, (page, path) in enumerate(zip(bake.lightmaps, images, strict=True)):
+            baked_images.write_marked(path, page.pixels, {
+                **_header(bake, page, request, blend), baked_images.LAYOUT: _layout(bake, number, request)})
         layers: tuple[Path, ...] = ()
         if request.group_layers and request.output is not None and bake.groups.layers:
             layers = tuple(folder / f"layers_{number}.exr" for number in range(len(bake.lightmaps)))
@@ -110,6 +114,12 @@ def _header(bake: Bake, lightmap: Lightmap, request: Request, blend: str) -> dic
     """What a file says of its numbers, which objects it holds, and where it comes from."""
     return {**header(request.settings, bake.report), **_origin(request, blend),
             baked_images.OBJECTS: baked_images.BETWEEN.join(lightmap.surfaces)[:MOST_NAMES]}
+
+
+def _layout(bake: Bake, number: int, request: Request) -> str:
+    """A sum of what lies where on a page, and of what its numbers mean."""
+    uv = [bake.uv[index] for index in np.flatnonzero(bake.page_of_surface == number)]
+    return digest(request.settings.quantity, *(layout for layout in uv if layout is not None))
 
 
 def _origin(request: Request, blend: str) -> dict[str, str | float]:

@@ -32,7 +32,7 @@ TAB_STEP, BUTTON_STEP = 10, 14
 MOVE, DRAW = 0.03, 0.3
 # Seconds between two looks at an operator that runs, and that it may run.
 TICK, LONGEST = 0.1, 240.0
-SEEN: dict[str, Any] = {"differences": {}, "shading": {}, "mode": {}}
+SEEN: dict[str, Any] = {"differences": {}, "shading": {}, "mode": {}, "results": {}}
 
 
 def load(path: str) -> Any:
@@ -263,6 +263,18 @@ def undo(verb: str) -> Iterator[float]:
     yield 1.0
 
 
+def change(name: str, attribute: str, value: Any) -> Iterator[float]:
+    """Set an attribute of an object; of the scene's settings with "" for the name."""
+    setattr(bpy.data.objects[name] if name else bpy.context.scene.radiosity, attribute, value)
+    yield DRAW
+
+
+def note_results(called: str) -> Iterator[float]:
+    """Write down which objects have a result."""
+    SEEN["results"][called] = [item.name for item in bpy.data.objects if "radiosity_result" in item]
+    yield DRAW
+
+
 def save(path: str) -> Iterator[float]:
     """Write a copy of the file as it is now."""
     bpy.ops.wm.save_as_mainfile(filepath=path, copy=True)
@@ -270,7 +282,8 @@ def save(path: str) -> Iterator[float]:
 
 
 VERBS = {step.__name__: step for step in (
-    view_camera, survey, shot, save, press, cancel, idle, render_with, flip, mark, compare, undo)}
+    view_camera, survey, shot, save, press, cancel, idle, render_with, flip, mark, compare, undo,
+    change, note_results)}
 
 
 def steps() -> Iterator[float]:
