@@ -240,10 +240,11 @@ def flip(name: str, path: str) -> Iterator[float]:
 
 def mark(name: str, undoable: bool) -> Iterator[float]:
     """Remember all that the file holds, and let undo come back to here if asked."""
-    if undoable:
-        bpy.ops.ed.undo_push(message=name)
     bpy.context.view_layer.update()
     MARKS[name] = load(JOB["fingerprint"]).fingerprint()
+    # Last: to read attributes takes them away from what the undo step shares with the file.
+    if undoable:
+        bpy.ops.ed.undo_push(message=name)
     yield DRAW
 
 
