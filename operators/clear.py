@@ -20,6 +20,9 @@ class RADIOSITY_OT_clear(bpy.types.Operator):
 
     @classmethod
     def poll(cls, _context: Any) -> bool:
+        if any(mesh.is_editmode for mesh in bpy.data.meshes):
+            cls.poll_message_set("A mesh is in Edit Mode: leave it (Tab)")
+            return False
         return Job.current is None
 
     def execute(self, context: Any) -> set[str]:

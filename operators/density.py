@@ -21,6 +21,9 @@ class RADIOSITY_OT_density(bpy.types.Operator):
 
     @classmethod
     def poll(cls, context: Any) -> bool:
+        if any(mesh.is_editmode for mesh in bpy.data.meshes):
+            cls.poll_message_set("A mesh is in Edit Mode: leave it (Tab)")
+            return False
         return Job.current is None and context.scene is not None
 
     def execute(self, context: Any) -> set[str]:

@@ -3,6 +3,7 @@ file that calls `bpy.ops.wm`."""
 
 from __future__ import annotations
 
+from collections.abc import Container
 from pathlib import Path
 from typing import Any
 
@@ -31,12 +32,19 @@ def open_blend(path: Path) -> None:
             f"{path} can't be opened ({_first_line(cause)}): check that it is a .blend of this Blender") from cause
 
 
-def leave_edit_mode(view_layer: Any) -> None:
-    """Let no object be edited: files are often saved so, and nobody can press Tab where there is no window."""
-    for item in view_layer.objects:
+def leave_edit_mode(view_layer: Any, data: Container[Any] | None = None) -> list[str]:
+    """Let none of these meshes, or nothing at all, be edited; names of the objects that were.
+
+    Files are often saved so, and nobody can press Tab where there is no window. In Edit Mode a mesh takes no results.
+    """
+    edited = [item for item in view_layer.objects if item.mode == "EDIT" and (data is None or item.data in data)]
+    for item in edited:
+        # One may leave it with another.
         if item.mode == "EDIT":
-            with bpy.context.temp_override(active_object=item, object=item):
+            with bpy.context.temp_override(scene=view_layer.id_data, view_layer=view_layer, active_object=item,
+                                           object=item):
                 bpy.ops.object.mode_set(mode="OBJECT")
+    return [item.name for item in edited]
 
 
 def save_copy(path: Path) -> None:

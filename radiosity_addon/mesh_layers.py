@@ -36,6 +36,7 @@ def put_uv(mesh: Any, uv: Float, name: str) -> str:
         If the mesh has no room for another map. `name` is its object's, for the message.
     """
     layers = mesh.uv_layers
+    values = np.ascontiguousarray(uv, np.float32).ravel()
     ours = mesh.get(UV_MARK, "")
     if ours not in layers:
         if len(layers) >= MOST_UV_MAPS:
@@ -44,15 +45,15 @@ def put_uv(mesh: Any, uv: Float, name: str) -> str:
         active, rendered = layers.active_index, next((layer.name for layer in layers if layer.active_render), "")
         if not len(layers):
             filler = layers.new(name=FILLER, do_init=False)
-            filler.uv.foreach_set("vector", np.zeros(len(mesh.loops) * 2, np.float32))
-            active, rendered = 0, filler.name
             mesh[FILLER_MARK] = filler.name
+            filler.uv.foreach_set("vector", np.zeros_like(values))
+            active, rendered = 0, filler.name
         ours = layers.new(name=UV_MAP, do_init=False).name
         mesh[UV_MARK] = ours
         layers.active_index = active
         layers[rendered].active_render = True
     # Written through `uv_layers`, the last undo step would have the new coordinates too (Blender 4.3).
-    mesh.attributes[ours].data.foreach_set("vector", np.ascontiguousarray(uv, np.float32).ravel())
+    mesh.attributes[ours].data.foreach_set("vector", values)
     mesh.update()
     return str(ours)
 
@@ -61,6 +62,8 @@ def put_colours(mesh: Any, name: str, colours: Float) -> str:
     """Store colours (corners, 3) in a float colour attribute of ours on the corners; returns its name."""
     known = mesh.get(COLOURS_MARK)
     names: dict[str, str] = dict(known.items()) if known is not None else {}
+    rgba = np.ones((len(mesh.loops), 4), np.float32)
+    rgba[:, :3] = colours
     attributes = mesh.color_attributes
     attribute = attributes.get(names.get(name, ""))
     if attribute is None or attribute.data_type != "FLOAT_COLOR" or attribute.domain != "CORNER":
@@ -71,8 +74,6 @@ def put_colours(mesh: Any, name: str, colours: Float) -> str:
             attributes.active_color_index = active
         if rendered >= 0:
             attributes.render_color_index = rendered
-    rgba = np.ones((len(mesh.loops), 4), np.float32)
-    rgba[:, :3] = colours
     attribute.data.foreach_set("color", rgba.ravel())
     mesh.update()
     return str(attribute.name)

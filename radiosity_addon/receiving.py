@@ -21,6 +21,8 @@ from .warn import Warnings, warn
 
 # Of one object no more than so many generated instances become meshes: grass is not baked blade by blade.
 MOST_GENERATED = 256
+# Types of objects that are shown as meshes and have none of their own.
+CONVERTIBLE = frozenset({"CURVE", "SURFACE", "FONT", "META"})
 # What to do about what has no mesh of its own.
 CONVERT = "convert it to a mesh (Object > Convert), or let a bake do so (--apply-modifiers)"
 
@@ -41,7 +43,7 @@ def choose_receivers(shown: Sequence[Shown], settings: Settings, warnings: Warni
     SettingsError
         If `only` names what is not there, or a UV map is missing.
     SceneError
-        If an object that `only` names can't be written to, or a mesh is being edited.
+        If an object that `only` names can't be written to.
     NothingToBake
         If no object is left to receive light.
     """
@@ -110,11 +112,7 @@ def _obstacle(item: Shown, settings: Settings, linked: bool, no_conversion: str)
     ------
     SettingsError
         If it lacks the UV map that was asked for.
-    SceneError
-        If it is being edited.
     """
-    if item.original.mode == "EDIT":
-        raise SceneError(f"object {item.original.name!r} is in Edit Mode: leave it (Tab) and bake again")
     uses_own_uv = settings.target == "lightmap" and settings.uv_layer is not None
     has_uv = uses_own_uv and settings.uv_layer in item.mesh.uv_layers
     if not item.own_mesh and not has_uv and (no_conversion or linked or uses_own_uv):
@@ -157,7 +155,7 @@ def _check_names(shown: Sequence[Shown], only: Sequence[str]) -> None:
         if name in there:
             continue
         item = bpy.data.objects.get(name)
-        if item is not None and item.type not in {"MESH", "CURVE", "SURFACE", "FONT", "META", "EMPTY"}:
+        if item is not None and item.type not in CONVERTIBLE | {"MESH", "EMPTY"}:
             raise SettingsError(f"only names {name!r}, which is a {item.type.lower()}: name meshes")
         if item is not None:
             raise SettingsError(f"only names {name!r}, which a render does not show or which has no faces: "

@@ -89,16 +89,22 @@ def shown_meshes(depsgraph: Any, warnings: Warnings) -> list[Shown]:
     Raises
     ------
     SceneError
-        If an object's transform is not finite.
+        If an object's transform is not finite, or if it is being edited.
     """
     shown: list[Shown] = []
     names: Counter[str] = Counter()
     layer = depsgraph.view_layer, depsgraph.scene, depsgraph.scene.world
     for instance in depsgraph.object_instances:
         item = instance.object
-        if item.type != "MESH" or not instance.show_self or item.data is None or not len(item.data.polygons):
+        if item.type != "MESH" or not instance.show_self or item.data is None:
             continue
         original = item.original
+        # Of a mesh in Edit Mode a render's view has no faces.
+        if getattr(original.data, "is_editmode", False):
+            raise SceneError(f"object {_edited(original, layer[0]).name!r} is in Edit Mode: leave it (Tab) and bake "
+                             "again")
+        if not len(item.data.polygons):
+            continue
         parent = instance.parent.original if instance.is_instance and instance.parent is not None else None
         # What nodes make goes by its maker's name, with other data.
         made_on_the_way = original.type != "MESH" or (parent is not None
@@ -120,6 +126,11 @@ def shown_meshes(depsgraph: Any, warnings: Warnings) -> list[Shown]:
         shown.append(Shown(name, original, instancer, parent, layer, item.data, matrix, materials,
                            random_of(instance), not made_on_the_way))
     return shown
+
+
+def _edited(item: Any, view_layer: Any) -> Any:
+    """The object by which an object's data is edited: others may use the same."""
+    return next((other for other in view_layer.objects if other.mode == "EDIT" and other.data == item.data), item)
 
 
 def carriers(depsgraph: Any) -> set[str]:

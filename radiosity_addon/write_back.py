@@ -16,6 +16,7 @@ from ..solver.scene import Surface
 from . import baked_images, mesh_layers, patch_mesh, preview
 from .baked_images import MARK
 from .binding import Binding
+from .blend_file import leave_edit_mode
 from .claims import Claims
 from .conversion import convert
 from .export import Exported
@@ -48,6 +49,12 @@ def write_back(exported: Exported, bake: Bake, staged: Staged, request: Request,
     OutputError
         If a file can't be put in its place; the .blend is as it was then.
     """
+    # Where meshes are made anew, whatever is edited would be missing from them or have another shape.
+    anew = request.apply_modifiers and any(binding.receives and not (binding.mesh and binding.same_topology)
+                                           for binding in exported.bindings)
+    for name in leave_edit_mode(view_layer, None if anew else _data_of(exported.bindings)):
+        warn(warnings, name, "left_edit_mode", "was being edited when the bake ended: it left Edit Mode, in which no "
+             "result can be stored")
     if request.apply_modifiers:
         bindings = convert(scene, view_layer, exported.bindings, warnings)
         exported = replace(exported, bindings=bindings)
@@ -121,6 +128,12 @@ def _remember(binding: Binding, request: Request, layer: str | None, image: Any 
 def _baked(bindings: Sequence[Binding]) -> set[str]:
     """Names of the objects that get a result; of instances none does."""
     return {binding.object for binding in bindings if binding.receives and not binding.instancer}
+
+
+def _data_of(bindings: Sequence[Binding]) -> set[Any]:
+    """The meshes of all surfaces, baked or not."""
+    items = (bpy.data.objects.get(binding.object) for binding in bindings)
+    return {item.data for item in items if item is not None}
 
 
 def _tell_kept(claims: Claims, bake: Bake, names: Sequence[str], paths: Sequence[Path], request: Request,
@@ -211,6 +224,9 @@ def _mesh_of(binding: Binding, applied: set[str], apply: bool, warnings: Warning
         warn(warnings, binding.surface, "not_stored",
              f"its modifiers ({names}) make other corners than its mesh has, so the mesh can't hold the result: "
              f"{_on_modifiers(item, apply)}, or bake with a UV map of your own (--uv-layer)")
+        return None
+    if item.data.is_editmode:
+        warn(warnings, binding.surface, "not_stored", "is in Edit Mode: leave it (Tab) and bake again")
         return None
     if len(item.data.loops) != binding.corner_count:
         warn(warnings, binding.surface, "not_stored",
