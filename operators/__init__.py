@@ -30,8 +30,11 @@ def register() -> None:
 
 
 def unregister() -> None:
-    """Undo register(), last first."""
+    """Undo register(), last first; work on its way ends."""
     import bpy
 
+    from .working import end_all
+
+    end_all(bpy.context)
     for cls in reversed(_classes()):
         bpy.utils.unregister_class(cls)

@@ -4,11 +4,25 @@ from __future__ import annotations
 
 from typing import Any
 
+import bpy
+
+# Workspaces that show a text of ours, by their address: it lasts as long as the file is open.
+_told: set[int] = set()
+
 
 def show_status(context: Any, text: str | None) -> None:
-    """A text in the status bar, None for Blender's own; the panels draw their bar anew."""
-    if context.workspace is not None:
-        context.workspace.status_text_set(text)
+    """A text in the status bar, None for Blender's own; the panels draw their bar anew.
+
+    It stands in the present workspace alone: the user may have changed it.
+    """
+    present = context.workspace if text is not None else None
+    for workspace in bpy.data.workspaces:
+        if workspace != present and workspace.as_pointer() in _told:
+            workspace.status_text_set(None)
+    _told.clear()
+    if present is not None:
+        present.status_text_set(text)
+        _told.add(present.as_pointer())
     # Not the view itself, which may be slow to draw.
     _redraw(context, "UI")
 

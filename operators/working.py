@@ -18,6 +18,16 @@ from .status import redraw_looks, redraw_views, show_status
 
 # Seconds between two looks at the work, and between two changes of what is told of it.
 TICK, TOLD = 0.02, 0.1
+# What is told while the results can't be written.
+WAITS = "waits to write its result: end the tool in Edit Mode"
+# Operators that look after a job in the window by now.
+_running: list[Working] = []
+
+
+def end_all(context: Any) -> None:
+    """End all operators and their jobs: Blender takes the classes away and asks none of them."""
+    for operator in list(_running):
+        operator.cancel(context)
 
 
 class Asked:
@@ -45,12 +55,13 @@ class Working:
         self._job = job
         self._parts: Parts[Any] | None = job.exporting()
         self._look: Look | None = None
-        self._told, self._line = 0.0, ""
+        self._told, self._line, self._waits = 0.0, "", False
         self._drawings, self._rested = look_overlay.drawings(), False
         manager = context.window_manager
         manager.progress_begin(0, 100)
         self._timer = manager.event_timer_add(TICK, window=context.window)
         manager.modal_handler_add(self)
+        _running.append(self)
         redraw_views(context)
         return {"RUNNING_MODAL"}
 
@@ -95,6 +106,9 @@ class Working:
         if self._parts is None:
             if not self._job.is_done:
                 return None
+            if self._waits:
+                self._job.refuse_cancelled()
+                return None
             self._parts = self._job.finishing()
         elif not self._job.is_baked:
             self._job.refuse_cancelled()
@@ -117,8 +131,10 @@ class Working:
     def _tell_progress(self, context: Any) -> None:
         """In the status bar and the panels, now and then, if there is news."""
         now, progress = time.monotonic(), self._job.progress
-        if now - self._told >= TOLD and self._line != progress.line():
-            self._told, self._line = now, progress.line()
+        self._waits = self._job.is_done and self._parts is None and _is_edit_mode_in_use(context)
+        line = WAITS if self._waits else progress.line()
+        if now - self._told >= TOLD and self._line != line:
+            self._told, self._line = now, line
             context.window_manager.progress_update(round(progress.fraction * 100))
             show_status(context, f"{self.doing} {self._line} (Esc cancels)")
 
@@ -127,6 +143,7 @@ class Working:
         self._end(context)
 
     def _end(self, context: Any) -> None:
+        _running.remove(self)
         if self._parts is not None:
             self._job.cancel()
             self._parts.close()
@@ -142,3 +159,12 @@ class Working:
 
     def _tell(self, outcome: Any) -> set[str]:
         raise NotImplementedError
+
+
+def _is_edit_mode_in_use(context: Any) -> bool:
+    """Whether a tool may work on a mesh in Edit Mode just now, as one that moves vertices: it can't be left then."""
+    windows = context.window_manager.windows
+    if not any(item.mode == "EDIT" for window in windows for item in window.view_layer.objects):
+        return False
+    return any(not operator.bl_idname.startswith("RADIOSITY_OT_")
+               for window in windows for operator in window.modal_operators)
