@@ -30,8 +30,9 @@ class RADIOSITY_OT_check(bpy.types.Operator):
     def execute(self, context: Any) -> set[str]:
         """Look, keep what was found for the panel, and report."""
         try:
-            found = find(context.scene, context.view_layer, settings_in(context, parse_options("")),
-                         context.scene.radiosity.apply_modifiers)
+            convert = context.scene.radiosity.apply_modifiers
+            settings = settings_in(context, parse_options(""), convert=convert)
+            found = find(context.scene, context.view_layer, settings, convert)
         except RadiosityError as error:
             self.report({"ERROR"}, str(error))
             return {"CANCELLED"}

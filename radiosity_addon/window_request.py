@@ -11,12 +11,15 @@ from ..solver.errors import NothingToBake
 from ..solver.settings import Settings
 from .command import WORDS
 from .object_settings import is_excluded
+from .receiving import CONVERTIBLE
 from .request import Request, folder_beside, not_own
 from .settings import ADVICE, groups_of, settings_of
 
 
-def settings_in(context: Any, options: Namespace) -> Settings:
+def settings_in(context: Any, options: Namespace, *, convert: bool = False) -> Settings:
     """The scene's settings, the selection, and options that go before both.
+
+    With `convert` curves and text count as selected meshes, as they will become meshes (`conversion`).
 
     Raises
     ------
@@ -29,11 +32,26 @@ def settings_in(context: Any, options: Namespace) -> Settings:
     kept = context.scene.radiosity
     only: tuple[str, ...] = ()
     if kept.only_selected and "only" not in given:
-        selected = (item for item in context.view_layer.objects if item.select_get() and not is_excluded(item))
-        only = tuple(item.name for item in selected if item.type == "MESH" or item.instance_type == "COLLECTION")
+        selected = [item for item in context.view_layer.objects if item.select_get() and not is_excluded(item)]
+        shapes = [item for item in selected if item.type in CONVERTIBLE and _has_faces(item, context)]
+        only = tuple(item.name for item in selected if item.type == "MESH" or item.instance_type == "COLLECTION"
+                     or (convert and item in shapes))
+        if not only and shapes:
+            raise NothingToBake(f"no mesh is selected, and {shapes[0].name!r} is a {shapes[0].type.lower()}: convert "
+                                "it to a mesh (Object > Convert), or switch on Apply Modifiers, with which a bake does")
         if not only:
             raise NothingToBake("no mesh is selected that is not excluded: select some, or switch off Selected Only")
     return settings_of(context.scene, {name: given[name] for name in WORDS if name in given}, only)
+
+
+def _has_faces(item: Any, context: Any) -> bool:
+    """Whether an object without a mesh of its own is shown as one: a path is not."""
+    shown = item.evaluated_get(context.evaluated_depsgraph_get())
+    try:
+        mesh = shown.to_mesh()
+        return mesh is not None and len(mesh.polygons) > 0
+    finally:
+        shown.to_mesh_clear()
 
 
 def request_in(context: Any, options: Namespace) -> Request:
@@ -50,12 +68,12 @@ def request_in(context: Any, options: Namespace) -> Request:
     """
     given = vars(options)
     kept = context.scene.radiosity
-    settings = settings_in(context, options)
+    save = not_own(given.get("save"), bpy.data.filepath)
+    convert = given.get("apply_modifiers", kept.apply_modifiers or save is not None)
+    settings = settings_in(context, options, convert=convert)
     pack, output = given.get("pack", kept.pack), given.get("output")
     if output is None and not pack and (settings.target == "lightmap" or bpy.data.filepath):
         output = folder_beside(bpy.data.filepath, kept.output, advice=ADVICE)
-    save = not_own(given.get("save"), bpy.data.filepath)
     return Request(settings, output, given.get("report"), save, pack,
-                   given.get("apply_modifiers", kept.apply_modifiers or save is not None),
-                   groups_of(context.scene, given), given.get("group_layers", kept.group_layers),
+                   convert, groups_of(context.scene, given), given.get("group_layers", kept.group_layers),
                    given.get("reflectances", kept.reflectances))

@@ -174,3 +174,28 @@ def test_registering_twice_over_leaves_nothing_behind(stage):
     operators.register()
     assert bpy.context.scene.radiosity.target == "lightmap"
     assert bpy.ops.radiosity.check() == {"FINISHED"}
+
+
+@pytest.mark.parametrize("convert", [True, False])
+def test_a_selected_text_is_baked_with_apply_modifiers(stage, convert):
+    # A text and a path, which has no faces. Exact answer: the text is baked, and nothing else; or what to do is told.
+    settings = bpy.context.scene.radiosity
+    settings.only_selected, settings.pack, settings.apply_modifiers = True, True, convert
+    path = bpy.data.curves.new("Path", "CURVE")
+    path.splines.new("POLY").points.add(1)
+    for item in (stage.object("Text", bpy.data.curves.new("Text", "FONT")), stage.object("Path", path)):
+        item.select_set(True)
+    if not convert:
+        with pytest.raises(RuntimeError, match=r"'Text' is a font: .* or switch on Apply Modifiers"):
+            bpy.ops.radiosity.bake()
+        return
+    assert bpy.ops.radiosity.check() == {"FINISHED"}
+    assert bpy.ops.radiosity.bake() == {"FINISHED"}
+    assert [item.name for item in bpy.data.objects if "radiosity_lightmaps" in item] == ["Text mesh"]
+
+
+def test_a_selected_path_is_no_mesh(stage):
+    bpy.context.scene.radiosity.only_selected = True
+    stage.object("Path", bpy.data.curves.new("Path", "CURVE")).select_set(True)
+    with pytest.raises(RuntimeError, match="no mesh is selected that is not excluded"):
+        bpy.ops.radiosity.bake()
