@@ -133,7 +133,7 @@ def _shaped(light: Light, emission: LampEmission, channel: int, matrix: Float) -
     if emission.pattern is None:
         return Luminaire(light, falloff=emission.falloff)
     lit = np.flatnonzero(light.colour)
-    pattern = emission.pattern[..., lit].mean(axis=2) if len(lit) > 1 else emission.pattern[..., channel]
+    pattern = emission.pattern[..., lit].mean(axis=2) if len(lit) else emission.pattern[..., channel]
     frame = matrix[:3, :3]
     frames = {"normals": frame, "points": np.linalg.pinv(frame).T, "world": np.eye(3)}
     return Luminaire(light, pattern, frames[emission.axes], emission.falloff)

@@ -99,8 +99,9 @@ def test_mathematics_and_groups_are_evaluated(stage):
 
 
 def test_a_pattern_of_many_colours_is_kept_channel_by_channel(stage):
-    # Colour by direction: red to one side, green to another; three lamps, one a channel.
-    emission = emission_nodes(lamp("POINT", energy=50, shadow_soft_size=0.1), (1, 1, 1), 1)
+    # Colour by direction: red to one side, green to another; three lamps, one a channel. Made green, it is the second.
+    shown = lamp("POINT", energy=50, shadow_soft_size=0.1)
+    emission = emission_nodes(shown, (1, 1, 1), 1)
     tree = emission.id_data
     place, scale = tree.nodes.new("ShaderNodeTexCoord"), tree.nodes.new("ShaderNodeVectorMath")
     scale.operation = "MULTIPLY_ADD"
@@ -110,6 +111,10 @@ def test_a_pattern_of_many_colours_is_kept_channel_by_channel(stage):
     lights = exported()
     assert len(lights) == 3
     assert_agree(lights)
+    shown.data.color = (0, 1, 0)
+    (green,) = exported()
+    assert green.pattern == pytest.approx(lights[1].pattern)
+    assert green.colour == pytest.approx(lights[1].colour)
 
 
 FALLOFFS = {
