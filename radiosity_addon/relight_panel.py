@@ -10,6 +10,7 @@ import bpy
 from ..solver.errors import RadiosityError
 from . import cache, compat, live_relight
 from .digest import LIGHT_INPUTS
+from .knobs import giving
 from .light_groups import Group
 from .relight_request import kept_in
 from .sockets import feeding
@@ -98,7 +99,8 @@ def kept_groups(folder: Path | None) -> tuple[Group, ...]:
 def _draw_light(layout: Any, scene: Any, kind: str, name: str) -> None:
     """Blender's own properties of a light: its power and colour."""
     if kind == "lamp":
-        item = scene.objects.get(name)
+        # Lamps of libraries, which can't be changed here, are called otherwise.
+        item = bpy.data.objects.get((name, None))
         if item is None or item.type != "LIGHT":
             return
         box = _box(layout, name, "OUTLINER_OB_LIGHT")
@@ -114,8 +116,8 @@ def _draw_light(layout: Any, scene: Any, kind: str, name: str) -> None:
             if kind == "world":
                 box.prop(block, "color")
             return
-        for node in block.node_tree.nodes:
-            for socket in (node.inputs[word] for word in LIGHT_INPUTS.get(node.bl_idname, ())):
+        for node in giving(block.node_tree).values():
+            for socket in (node.inputs[word] for word in LIGHT_INPUTS[node.bl_idname]):
                 if feeding(socket) is None:
                     box.prop(socket, "default_value", text=socket.name)
 
