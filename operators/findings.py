@@ -33,7 +33,7 @@ class RADIOSITY_OT_show_finding(bpy.types.Operator):
         if self.index >= len(findings):
             return {"CANCELLED"}
         name = findings[self.index].name
-        item = context.view_layer.objects.get(name)
+        item = next((item for item in context.view_layer.objects if name in {item.name, item.name_full}), None)
         if item is None:
             self.report({"INFO"}, f"{name or 'The scene'}: {findings[self.index].message}")
             return {"CANCELLED"}

@@ -48,7 +48,7 @@ LARGE = 2**20
 # What the report of a relight has from that of the bake.
 TOLD = ("version", "error", "lumels", "triangles", "patches", "cells", "solver")
 # Changes with what the files hold: older ones are as good as none.
-FORMAT = "radiosity light groups 6"
+FORMAT = "radiosity light groups 7"
 
 
 @dataclass(frozen=True, eq=False)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import defaultdict
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -61,16 +61,35 @@ class Group:
         """
         if not self.members:
             return np.array(self.tint, np.float64)
-        ratios = np.array([_ratio(member, strength_of(seen, member)) for member in self.members])
+        ratios = np.array([self._ratio(member, strength_of(seen, member)) for member in self.members])
         known = ~np.isnan(ratios)
         factors = np.array([ratios[known[:, channel], channel].max(initial=0) for channel in range(3)])
         apart = known & (np.abs(np.nan_to_num(ratios) - factors) > TOGETHER * np.maximum(factors, 1e-9))
         if apart.any():
             member = self.members[int(np.flatnonzero(apart.any(axis=1))[0])]
+            if len(self._names()) == 1:
+                raise RadiosityError(f"the parts of {member.kind} {member.name!r} that give light were changed each "
+                                     "otherwise, and their light is kept together: change them by the same factor, or "
+                                     "bake again")
             raise RadiosityError(f"{member.kind} {member.name!r} was changed otherwise than the rest of light group "
                                  f"{self.name!r}, whose light is kept together: change them alike, or bake again with "
                                  "a group for each lamp")
         return factors
+
+    def _names(self) -> set[str]:
+        """Of lights: of lamps there may be several, materials and the world are a group each."""
+        return {member.name for member in self.members}
+
+    def _ratio(self, member: Member, strength: Triple) -> list[float]:
+        """New strength over the reference; nan where a channel was and stays dark."""
+        ratios = []
+        for new, old in zip(strength, member.reference, strict=True):
+            if old == 0 and new > 0:
+                apart = ", with a group for each lamp" if len(self._names()) > 1 else ""
+                raise RadiosityError(f"{member.kind} {member.name!r} has a colour that it had nothing of at the bake, "
+                                     f"and shares its light group with other colours: bake again{apart}")
+            ratios.append(new / old if old > 0 else np.nan)
+        return ratios
 
 
 def make_groups(scene: Scene, seen: Survey, mode: str) -> tuple[tuple[LightGroup, Group], ...]:
@@ -88,8 +107,9 @@ def make_groups(scene: Scene, seen: Survey, mode: str) -> tuple[tuple[LightGroup
         If there would be too many.
     """
     lamps: dict[str, list[int]] = defaultdict(list)
+    objects = {item.name_full: item for item in bpy.data.objects if item.type == "LIGHT"}
     for index, light in enumerate(scene.lights[: seen.lamp_count]):
-        lamps[_group_of(light.name, mode)].append(index)
+        lamps[_group_of(light.name, objects, mode)].append(index)
     taken: set[str] = set()
     made = []
     for name, indices in lamps.items():
@@ -141,23 +161,12 @@ def _reference(strength: Triple, colour: Float) -> Triple:
     return red, green, blue
 
 
-def _ratio(member: Member, strength: Triple) -> list[float]:
-    """New strength over the reference; nan where a channel was and stays dark."""
-    ratios = []
-    for new, old in zip(strength, member.reference, strict=True):
-        if old == 0 and new > 0:
-            raise RadiosityError(f"{member.kind} {member.name!r} has a colour that it had nothing of at the bake, and "
-                                 "shares its light group with other colours: bake again, with a group for each lamp")
-        ratios.append(new / old if old > 0 else np.nan)
-    return ratios
-
-
-def _group_of(lamp: str, mode: str) -> str:
+def _group_of(lamp: str, objects: Mapping[str, Any], mode: str) -> str:
     if mode == "lamp":
         return lamp
     if mode == "all":
         return EVERY
-    item = bpy.data.objects.get(lamp)
+    item = objects.get(lamp)
     own = [collection.name for collection in item.users_collection] if item is not None else []
     return own[0] if own and own[0] in bpy.data.collections else LOOSE
 

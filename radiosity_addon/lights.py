@@ -77,7 +77,8 @@ def lamp_data(scene: Any) -> list[Any]:
 
 def _export(instance: Any, emissions: Emissions, warnings: Warnings) -> list[Light]:
     lamp, matrix = instance.object, np.array(instance.matrix_world, np.float64)
-    name, data = lamp.name, lamp.data
+    # Lamps of several files may share a name.
+    name, data = lamp.name_full, lamp.data
     if data.type == "AREA" and _cycles(data, "is_portal"):
         return []  # it guides Cycles' samples and sends nothing
     emission = _emission(instance, emissions)
@@ -110,7 +111,7 @@ def _linked(lamp: Any, lights: list[Light], linking: Linking, warnings: Warnings
     links = linking.of(lamp) or FREE
     if lights and not np.any(links.receivers):
         collection = lamp.light_linking.receiver_collection.name
-        warn(warnings, lamp.name, CODE, f"a render shows nothing of what it is linked to, {collection!r} (Light "
+        warn(warnings, lamp.name_full, CODE, f"a render shows nothing of what it is linked to, {collection!r} (Light "
              "Linking): it is left out")
         return []
     if not lamp.data.use_shadow:
@@ -200,12 +201,12 @@ def _strength(data: Any) -> Float:
 def _lights_diffuse_surfaces(lamp: Any, warnings: Warnings) -> bool:
     """Whether the lamp counts for lightmaps; tells of what Cycles would do with it and a bake does not."""
     if not lamp.visible_diffuse:
-        warn(warnings, lamp.name, CODE, "it is hidden from diffuse rays (Ray Visibility): it is left out")
+        warn(warnings, lamp.name_full, CODE, "it is hidden from diffuse rays (Ray Visibility): it is left out")
         return False
     bounces = getattr(getattr(lamp.data, "cycles", None), "max_bounces", None)
     if bounces is not None and bounces < FEW_BOUNCES:
-        warn(warnings, lamp.name, CODE, f"its light is to end after {bounces} bounces (Max Bounces): it is baked with "
-             "all of them")
+        warn(warnings, lamp.name_full, CODE, f"its light is to end after {bounces} bounces (Max Bounces): it is baked "
+             "with all of them")
     return True
 
 

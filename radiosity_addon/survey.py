@@ -176,14 +176,18 @@ def _surface(material: Any, frame: int) -> Source:
 
 
 def _lamps(lights: tuple[Light, ...]) -> dict[str, Source]:
-    """Lamps by their object's name; instances of one object count as one."""
-    shapes: dict[str, list[Any]] = defaultdict(list)
-    strength: dict[str, Triple] = {}
+    """Lamps by their object's full name; its instances, and the channels of a pattern of several colours, are parts."""
+    parts: dict[str, list[Light]] = defaultdict(list)
     for light in lights:
-        shapes[light.name].append(_shape(light))
-        red, green, blue = (float(value) for value in light.colour)
-        strength[light.name] = (red, green, blue)
-    return {name: Source(digest(shape), {name: strength[name]}) for name, shape in shapes.items()}
+        parts[light.name].append(light)
+    return {name: Source(digest([_shape(light) for light in found]),
+                         {str(number): _strength(light) for number, light in enumerate(found)})
+            for name, found in parts.items()}
+
+
+def _strength(light: Light) -> Triple:
+    red, green, blue = (float(value) for value in light.colour)
+    return red, green, blue
 
 
 def _shape(light: Light) -> list[Any]:
