@@ -161,7 +161,7 @@ class ReceiverFootprints:
         It is the offset of the triangle that they lie on, if one look back from further and further away finds it;
         else what their own coordinates ask for.
         """
-        place, normal = self.receivers.position, self.receivers.normal
+        place, normal = (np.asarray(each, np.float32) for each in (self.receivers.position, self.receivers.normal))
         lift = np.asarray(np.abs(place).max(axis=1, initial=0) * np.float32(OFFSET))
         if not self._any_free:
             return lift
