@@ -36,6 +36,8 @@ def leave_edit_mode(view_layer: Any, data: Container[Any] | None = None) -> list
     """Let none of these meshes, or nothing at all, be edited; names of the objects that were.
 
     Files are often saved so, and nobody can press Tab where there is no window. In Edit Mode a mesh takes no results.
+    No other thread may run Python meanwhile: operators let go of the interpreter's lock, and those that run others, as
+    this one does, use the override without it (Blender 5.0 crashes).
     """
     edited = [item for item in view_layer.objects if item.mode == "EDIT" and (data is None or item.data in data)]
     for item in edited:

@@ -41,6 +41,9 @@ def baked_while(name: str, options: str = "", scene: Any = None) -> list[str]:
     try:
         job.export()
         job.start()
+        # An operator within an override must not run beside a thread (see `leave_edit_mode`).
+        job.wait(60)
+        assert job.is_done
         edit(name, scene)
         return [entry["code"] for entry in job.finish().report["warnings"]]
     finally:
