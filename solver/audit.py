@@ -139,11 +139,12 @@ def error_bar(baked: Float, groups: Float, expected: float | None = None) -> Err
     # is too small as well. The second order of exp(doubt / square), and one more receiver like the worst, stand for it.
     skew = min(doubt**2 / (2 * square), square / 2) if square > 0 else 0.0
     tail = max(float(squares.max()), 0.0) / len(squares)
-    low = float(np.sqrt(max(square - doubt, 0.0))) / level
-    high = float(np.sqrt(square + doubt + skew + tail)) / level
-    rms = np.sqrt(_known_positive(float(squares.mean()), own)) / level
+    ends = max(square - doubt, 0.0), square + doubt + skew + tail
+    low, high = (float(np.sqrt(end)) / level for end in ends)
+    found = float(squares.mean()), own
     if expected is not None:
-        rms = np.sqrt(_weighed(float(squares.mean()), own, (expected * level) ** 2)) / level
+        found = _weighed(*found, (expected * level) ** 2, ends)
+    rms = np.sqrt(_known_positive(*found)) / level
     seen = np.sqrt(float((deviation**2).mean())) / level
     shrink = rms / seen if seen > 0 else 0.0
     size = np.abs(deviation).max(axis=1) / level
@@ -157,15 +158,16 @@ def error_bar(baked: Float, groups: Float, expected: float | None = None) -> Err
                     bias_error, len(baked))
 
 
-def _weighed(found: float, deviation: float, expected: float) -> float:
+def _weighed(found: float, deviation: float, expected: float, ends: tuple[float, float]) -> tuple[float, float]:
     """A mean square from what an audit found, with its standard deviation, and from what was expected: each by one over
-    its variance. What is expected is doubted the more, the further it lies outside of the audit's interval (as the
-    variance between studies is told by DerSimonian & Laird 1986)."""
+    its variance, and the standard deviation of both together. What is expected is doubted the more, the further it
+    lies outside of the audit's interval (as the variance between studies is told by DerSimonian & Laird 1986)."""
     if expected <= 0 or deviation <= 0:
-        return max(found, 0.0)
-    apart = max((found - expected) ** 2 - (INTERVAL * deviation) ** 2, 0.0)
-    doubt = (EXPECTED_DOUBT * expected) ** 2 + apart
-    return max((found * doubt + expected * deviation**2) / (doubt + deviation**2), 0.0)
+        return found, deviation
+    nearest = min(max(expected, ends[0]), ends[1])
+    doubt = (EXPECTED_DOUBT * expected) ** 2 + (found - expected) ** 2 - (found - nearest) ** 2
+    both = doubt + deviation**2
+    return (found * doubt + expected * deviation**2) / both, float(np.sqrt(doubt / both)) * deviation
 
 
 def _known_positive(found: float, deviation: float) -> float:

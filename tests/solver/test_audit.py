@@ -95,6 +95,15 @@ def test_what_a_bake_expects_of_itself_is_not_believed_against_the_audit():
     assert bar.rms_low <= bar.rms <= bar.rms_high
 
 
+def test_an_audit_that_can_not_see_the_error_does_not_call_it_nothing():
+    # An error of .01 under noise of .1: with 384 receivers the audit finds a mean square of .0001 +- .0004, often below
+    # zero. Of 100 audits 95 leave in their interval what the bake expects, and tell about that.
+    told = np.array([error_bar(baked[:384], groups[:384], 0.012).rms
+                     for baked, groups, _ in (_case(seed, 0.01, 0.1) for seed in range(100))])
+    assert np.count_nonzero((told > 0.01 / 1.5) & (told < 0.01 * 1.5)) >= 95
+    assert told.min() > 0.005
+
+
 def test_strength_of_light_changes_no_relative_error():
     # A thousand times brighter, a millionth as bright.
     baked, groups, _ = _case(5, 0.03, 0.03)
