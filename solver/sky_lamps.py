@@ -182,14 +182,19 @@ def _looked_at(spot: _Spot, whole: SkyMap, level: float,
         return [(spot, spot)]
     reach = half_angle + 2 * whole.texel_angle
     near = spot.texels.direction @ axis > np.cos(reach)
-    stands_for = np.zeros((whole.height, whole.width), bool)
+    bright = whole.radiance.mean(axis=2) > level
+    stands_for = np.zeros_like(bright)
     stands_for[spot.row[near], spot.column[near]] = True
     window = yield axis, reach + whole.texel_angle
     if window is None:
         return [(spot, spot)]
     seen = window.radiance.mean(axis=2)
     row, column = np.nonzero(seen > level)
-    kept = np.flatnonzero(stands_for[whole.place(window.texels(row, column).direction)])
+    direction = window.texels(row, column).direction
+    texel = whole.place(direction)
+    # A texel that the spot only touches may be dark on the map, whose few samples missed it there.
+    missed = ~bright[texel] & (direction @ axis > np.cos(reach))
+    kept = np.flatnonzero(stands_for[texel] | missed)
     if not len(kept):
         return [(spot, spot)]
     row, column = row[kept], column[kept]

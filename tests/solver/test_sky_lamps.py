@@ -132,6 +132,23 @@ def test_a_close_look_finds_the_sun_where_and_as_large_as_it_is():
     assert sun.colour == pytest.approx(1000 * np.pi * np.sin(np.radians(0.5)) ** 2, rel=0.02)
 
 
+def test_a_sun_that_the_map_misses_in_a_texel_keeps_its_light():
+    # The same sun in the corner of four texels; the map's samples have missed it in the one that has least of it.
+    axis = SkyMap(np.zeros((HEIGHT, WIDTH, 3))).texels(np.array([50]), np.array([30])).direction[0]
+    axis = axis + 0.8 * np.radians(1.4) * np.array([0.3, 0.5, 0.8])
+    axis = axis / np.linalg.norm(axis)
+    sky, look = _looked_closely(np.radians(0.7), axis)
+    bright = np.argwhere(sky.radiance[..., 0] > 2 * CONTRAST * 0.5)
+    missed = tuple(min(bright, key=lambda at: sky.radiance[tuple(at)][0]))
+    assert len(bright) > 1
+    radiance = np.array(sky.radiance)
+    radiance[missed] = 0.5
+    (sun,), _ = peel(Sky(radiance), look)
+    assert isinstance(sun, Sun)
+    assert np.degrees(sun.angle) == pytest.approx(1.4, rel=0.03)
+    assert sun.colour == pytest.approx(1000 * np.pi * np.sin(np.radians(0.7)) ** 2, rel=0.02)
+
+
 def test_a_floor_under_a_sunny_map_has_no_fireflies():
     # A sun of 8 square degrees gives 99 % of the light: every point of the open floor gets the same to .5 %.
     quad = np.array([(-9, -9, 0), (9, -9, 0), (9, 9, 0), (-9, 9, 0)], float)
