@@ -320,7 +320,7 @@ def settled(shading: Shading, name: str, warnings: Warnings) -> Shading:
     tell_passing(shading, name, warnings)
     if shading.passes_light:
         return replace(shading, reflectance=BLACK)
-    solid = 1 - shading.passing
+    solid = shading.opacity
     reflectance = shading.reflectance.scaled(1 / solid) if solid > FAINT else Colour((HIGHEST,) * 3)
     return _clamped(replace(shading, reflectance=reflectance), name, warnings)
 

@@ -26,8 +26,8 @@ from .mesh_arrays import MeshArrays
 from .mesh_part import at_corners, take_part
 from .named_values import named_values, vertex_weights
 from .parts import Parts, aside
-from .shown_nodes import shows
-from .sockets import Colour, ImageUse
+from .shown_nodes import shown_nodes, shows
+from .sockets import Colour, ImageUse, is_live
 from .triangle_cells import Cells
 from .visible import Shown
 from .warn import Warnings, warn
@@ -91,6 +91,7 @@ class SurfaceMaterials:
         name = material.name_full if material is not None else ""
         if name not in self._slots:
             shading = read_material(material, self.warnings)
+            _tell_shadow(material, shading, self.warnings)
             if shading.guessed_parts:
                 shown_images.require(material.node_tree, f"material {name!r}", read=True)
                 shown_images.tell_animated(material.node_tree, name, "texture", shown_images.PRESENT, self.warnings)
@@ -132,6 +133,9 @@ class SurfaceMaterials:
             if shows(tree, AROUND):
                 warn(self.warnings, place.material, "material", "has Ambient Occlusion or Bevel nodes, which see "
                      "nothing here but the faces of this material on one object: bake them to an image first")
+            if _differs_by_side(tree):
+                warn(self.warnings, place.material, "material", "looks otherwise from behind (Backfacing): both sides "
+                     "of its faces are baked as their front; for light to one side alone use an Area lamp")
         else:
             self._with_images.append(place)
 
@@ -279,6 +283,21 @@ class SurfaceMaterials:
                  "they count as 0, unwrap again")
             placed = np.nan_to_num(placed, nan=0.0, posinf=0.0, neginf=0.0)
         return np.asarray(placed, np.float32)
+
+
+def _tell_shadow(material: Any, shading: Shading, warnings: Warnings) -> None:
+    """Tell of what lets light through and is to throw the shadow of a solid."""
+    lets_through = shading.passing > 0 or "passing" in shading.guessed_parts
+    # Came with Blender 4.2's materials.
+    if lets_through and not getattr(material, "use_transparent_shadow", True):
+        warn(warnings, material.name, "material", "is to throw the shadow of a solid (Transparent Shadows is off): "
+             "lamps shine through it here as other light does, make it opaque if they should not")
+
+
+def _differs_by_side(tree: Any) -> bool:
+    """Whether a material asks on which side of its faces it is seen."""
+    return any(is_live(link) for node in shown_nodes(tree) if node.bl_idname == "ShaderNodeNewGeometry"
+               for link in node.outputs["Backfacing"].links)
 
 
 def _lost(shading: Shading, result: Evaluated, inside: NDArray[np.bool_]) -> float:

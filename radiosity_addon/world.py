@@ -62,6 +62,7 @@ def world_parts(world: Any, warnings: Warnings, size: Map | None = None, part_se
     if not world.cycles_visibility.diffuse:
         warn(warnings, world.name, CODE, "is hidden from diffuse rays (Ray Visibility): it gives no light")
         return Sky(), ()
+    _tell_volume(world, warnings)
     flat = _constant(world, warnings)
     if flat is None:
         shown_images.require(world.node_tree, f"world {world.name!r}")
@@ -125,6 +126,12 @@ def _clean(radiance: Float, name: str, warnings: Warnings) -> Float:
     warn(warnings, name, CODE, "gives light that is negative or not finite in some directions: "
          "it counts as black there")
     return np.clip(np.nan_to_num(radiance, nan=0.0, posinf=0.0, neginf=0.0), 0, None)
+
+
+def _tell_volume(world: Any, warnings: Warnings) -> None:
+    output = world.node_tree.get_output_node("CYCLES") if compat.uses_nodes(world) else None
+    if output is not None and Reader(world.name, warnings).source(output.inputs["Volume"]) is not None:
+        warn(warnings, world.name, CODE, "its volume is not baked: light goes through it as through air, unlink it")
 
 
 def _constant(world: Any, warnings: Warnings) -> Any:

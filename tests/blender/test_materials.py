@@ -186,6 +186,43 @@ def test_a_lamp_of_glass_keeps_its_light(build):
     assert np.allclose(export([]).emission, 2 * np.pi)
 
 
+def test_what_shines_and_lets_light_through_reflects_as_it_is_mixed(build):
+    # Base colour .6 with alpha .25 that shines. Exact answer: it counts as opaque and reflects .15, a quarter of that.
+    build.mesh("Veil", material=build.material("Veil", (0.6, 0.6, 0.6), Alpha=0.25, Emission_Strength=2.0))
+    scene = export([])
+    assert np.allclose(scene.reflectance, 0.15)
+    assert np.allclose(scene.emission, np.pi * 2 * 0.25)
+    assert np.allclose(scene.opacity, 1)
+
+
+def test_a_material_that_differs_by_side_is_told(build):
+    # A panel that glows with a strength that is linked to Backfacing, and one that has the node unlinked beside.
+    build.sun()
+    for name in ("Panel", "Plain"):
+        made = build.material(name, (0.5, 0.5, 0.5))
+        build.mesh(name, material=made)
+        sides = made.node_tree.nodes.new("ShaderNodeNewGeometry")
+        if name == "Panel":
+            made.node_tree.links.new(sides.outputs["Backfacing"], build.shader(made).inputs["Emission Strength"])
+    warnings: list[dict[str, Any]] = []
+    export(warnings)
+    (told,) = warnings
+    assert (told["object"], told["code"]) == ("Panel", "material")
+    assert "Backfacing" in told["message"]
+
+
+@pytest.mark.parametrize(("alpha", "count"), [(1.0, 0), (0.5, 1)])
+def test_transparent_shadows_that_are_off_are_told_where_they_matter(build, alpha, count):
+    build.sun()
+    made = build.material("Veil", (0.5, 0.5, 0.5), Alpha=alpha)
+    made.use_transparent_shadow = False
+    build.mesh("Veil", material=made)
+    warnings: list[dict[str, Any]] = []
+    export(warnings)
+    assert [warning["object"] for warning in warnings] == ["Veil"] * count
+    assert all("Transparent Shadows" in warning["message"] for warning in warnings)
+
+
 def test_an_image_times_a_colour_is_read_through_the_mix_node(build):
     # An image of .5 multiplied by (.2, .4, .8), as glTF imports have it. Exact answer: (.1, .2, .4).
     build.sun()
