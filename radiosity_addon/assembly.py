@@ -64,8 +64,8 @@ class Assembly:
         self._smooth |= mesh.corner_normals is not None
         count = len(triangles)
         self._put("triangles", triangles + self._vertex_count)
-        self._put("casts_shadow", np.full(count, item.original.visible_shadow))
-        self._put("seen", np.full(count, item.original.visible_diffuse))
+        self._put("casts_shadow", np.full(count, "visible_shadow" not in item.missed))
+        self._put("seen", np.full(count, "visible_diffuse" not in item.missed))
         self._columns.append(self.materials.columns(item, mesh, slot, slots, order))
         lightmap_uv = None
         if binding.receives and self.settings.target == "lightmap" and self.settings.uv_layer is not None:

@@ -20,6 +20,7 @@ from ..solver.result import Bake
 from ..solver.scene import Scene, surface_of_triangle
 from .compare_linking import kinds, masks
 from .compare_score import layout_of
+from .lamp_places import is_rendered, lights_diffuse_surfaces
 from .linking import Linking
 from .visible import shown_meshes
 from .world import rendered_world
@@ -75,7 +76,7 @@ def write_stage(scene: Any, depsgraph: Any, folder: Path) -> Stage:
     for instance in depsgraph.object_instances:
         lamp = instance.object
         # As in `lights.export_lights`: what is hidden from diffuse rays lights no lightmap.
-        if lamp.type == "LIGHT" and instance.show_self and not lamp.hide_render and lamp.visible_diffuse:
+        if is_rendered(instance) and lights_diffuse_surfaces(instance):
             data = lamp.original.data
             blocks.add(data)
             links = linking.of(lamp)

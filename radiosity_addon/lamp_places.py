@@ -8,11 +8,13 @@ from typing import Any
 
 import numpy as np
 
+from . import compat
 from .object_random import random_of
 from .parts import Parts
 from .render_walk import Clock, walk
 from .shown_nodes import shown_nodes
 from .sockets import feeding, is_live
+from .visible import meets
 
 # What the outputs of nodes depend on; "" stands for all others of a node.
 #   uv         the place on the lamp, or in a spot's picture
@@ -36,8 +38,12 @@ LOOKS: dict[str, dict[str, str]] = {
     "ShaderNodeLightPath": {"Ray Length": "length"},
 }
 # The same of textures whose vector nothing feeds.
-UNFED = {"ShaderNodeTexImage": "uv", **dict.fromkeys((f"ShaderNodeTex{kind}" for kind in (
-    "Brick", "Checker", "Environment", "Gabor", "Gradient", "Magic", "Noise", "Voronoi", "Wave")), "place position")}
+UNFED = {
+    "ShaderNodeTexImage": "uv", "ShaderNodeTexIES": "direction",
+    **dict.fromkeys(
+        (f"ShaderNodeTex{kind}" for kind in (
+            "Brick", "Checker", "Environment", "Gabor", "Gradient", "Magic", "Noise", "Voronoi", "Wave")),
+        "place position")}
 
 
 @dataclass(frozen=True)
@@ -73,6 +79,12 @@ def is_rendered(instance: Any) -> bool:
     """Whether an instance of the dependency graph is a lamp that a render shows."""
     lamp = instance.object
     return bool(lamp.type == "LIGHT" and instance.show_self and not lamp.hide_render)
+
+
+def lights_diffuse_surfaces(instance: Any) -> bool:
+    """Whether diffuse rays meet a lamp that an instance shows."""
+    return (meets(instance, "visible_diffuse") if compat.instancers_hide_lamps()
+            else bool(instance.object.visible_diffuse))
 
 
 def place_of(instance: Any) -> Place:

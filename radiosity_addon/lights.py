@@ -18,7 +18,7 @@ from ..solver.linking import FREE, Linked
 from ..solver.luminaire import NATURAL, Luminaire
 from ..solver.spot import Spot
 from .lamp_nodes import CODE, Emissions, LampEmission
-from .lamp_places import is_rendered, place_of
+from .lamp_places import is_rendered, lights_diffuse_surfaces, place_of
 from .linking import Linking
 from .warn import Warnings, warn
 
@@ -86,7 +86,7 @@ def _export(instance: Any, emissions: Emissions, warnings: Warnings) -> list[Lig
     if _strength(data).any() and not strength.any():
         warn(warnings, name, CODE, "its nodes give no light: it is left out, look at its Emission node's color and "
              "strength")
-    if not strength.any() or not _lights_diffuse_surfaces(lamp, warnings):
+    if not strength.any() or not _counts(instance, warnings):
         return []
     if (strength < 0).any() or not np.isfinite(strength).all():
         warn(warnings, name, CODE, f"its power ({', '.join(f'{value:g}' for value in strength)}) is negative or not "
@@ -198,10 +198,12 @@ def _strength(data: Any) -> Float:
     return np.asarray(strength)
 
 
-def _lights_diffuse_surfaces(lamp: Any, warnings: Warnings) -> bool:
+def _counts(instance: Any, warnings: Warnings) -> bool:
     """Whether the lamp counts for lightmaps; tells of what Cycles would do with it and a bake does not."""
-    if not lamp.visible_diffuse:
-        warn(warnings, lamp.name_full, CODE, "it is hidden from diffuse rays (Ray Visibility): it is left out")
+    lamp = instance.object
+    if not lights_diffuse_surfaces(instance):
+        whose = "" if not lamp.visible_diffuse else f" of {instance.parent.name!r}, which shows it"
+        warn(warnings, lamp.name_full, CODE, f"it is hidden from diffuse rays (Ray Visibility{whose}): it is left out")
         return False
     bounces = getattr(getattr(lamp.data, "cycles", None), "max_bounces", None)
     if bounces is not None and bounces < FEW_BOUNCES:

@@ -29,7 +29,7 @@ from .reads import label, reads, what_is_read
 from .render_walk import Clock, walk
 from .shown_images import ANIMATED, images
 from .sockets import Triple
-from .visible import RAYS, Shown, rendered_meshes
+from .visible import Shown, rendered_meshes
 from .world import rendered_world
 
 # Fields of lamps that say how strong they are.
@@ -159,9 +159,8 @@ class _Looker:
         links = linking.of(item.original)
         if links is not None:
             self.found.links[item.name] = digest(links)
-        missed = [word for word in RAYS if not getattr(item.original, word)]
-        if missed:
-            self.found.missed[item.name] = missed
+        if item.missed:
+            self.found.missed[item.name] = list(item.missed)
         asked = {one for material in item.materials if material is not None for one in self._reads[material.name_full]}
         if asked:
             self.found.read[item.name] = {

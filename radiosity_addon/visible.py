@@ -17,6 +17,16 @@ from .warn import Warnings, warn
 
 # Kinds of rays that lightmaps know, by Blender's words for whether they meet an object.
 RAYS = ("visible_shadow", "visible_diffuse")
+# What has no faces and is shown all the same, and what to do about it; by Blender's types but for particles.
+CURVE_TO_MESH = "make a mesh with faces of it (Curve to Mesh in geometry nodes)"
+UNMESHED = {
+    "CURVES": ("hair curves", CURVE_TO_MESH),
+    "HAIR": ("hair", f"convert it to curves (Object > Convert), and {CURVE_TO_MESH}"),
+    "POINTCLOUD": ("a point cloud", "make meshes of it (Instance on Points and Realize Instances in geometry nodes)"),
+    "VOLUME": ("a volume", "light goes through it as through air"),
+}
+# Where the elements of what may be empty are.
+ELEMENTS = {"CURVES": "curves", "POINTCLOUD": "points"}
 # What `persistent_id` is filled up with.
 NO_STEP = 2**31 - 1
 
@@ -37,6 +47,7 @@ class Shown:
     materials : the user's, of its slots; None for an empty slot.
     random : between 0 and 1, the same in every render: what Object Info calls random.
     own_mesh : whether `mesh` is the evaluated mesh of `original`, and nothing that was made on the way.
+    missed : the kinds of rays, words of `RAYS`, that do not meet it.
     """
 
     name: str
@@ -49,6 +60,7 @@ class Shown:
     materials: tuple[Any, ...]
     random: float
     own_mesh: bool
+    missed: tuple[str, ...]
 
 
 def rendered_objects(view_layer: Any) -> list[Any]:
@@ -96,6 +108,7 @@ def shown_meshes(depsgraph: Any, warnings: Warnings) -> list[Shown]:
     layer = depsgraph.view_layer, depsgraph.scene, depsgraph.scene.world
     for instance in depsgraph.object_instances:
         item = instance.object
+        _tell_unmeshed(instance, warnings)
         if item.type != "MESH" or not instance.show_self or item.data is None:
             continue
         original = item.original
@@ -118,14 +131,44 @@ def shown_meshes(depsgraph: Any, warnings: Warnings) -> list[Shown]:
         if not np.isfinite(matrix).all():
             raise SceneError(f"object {name!r}: its transform is not finite: "
                              "reset location, rotation and scale, or remove the constraint that makes it")
-        if not original.visible_shadow:
-            warn(warnings, original.name, "visibility", "casts no shadow of lamps, as it is set (Ray Visibility); "
+        missed = tuple(word for word in RAYS if not meets(instance, word))
+        if "visible_shadow" in missed:
+            hidden = original if parent is None or not original.visible_shadow else parent
+            warn(warnings, hidden.name, "visibility", "casts no shadow of lamps, as it is set (Ray Visibility); "
                  "light of the sky, but for its suns, it stops all the same")
         # Linked from a library that was saved while a view was on, they still hold its materials.
         materials = tuple(own(slot.material) for slot in item.material_slots)
         shown.append(Shown(name, original, instancer, parent, layer, item.data, matrix, materials,
-                           random_of(instance), not made_on_the_way))
+                           random_of(instance), not made_on_the_way, missed))
     return shown
+
+
+def _tell_unmeshed(instance: Any, warnings: Warnings) -> None:
+    """Tell of what a render shows and no mesh stands for: hair, points and volumes."""
+    item, original = instance.object, instance.object.original
+    kind = ""
+    if instance.show_self and item.type in UNMESHED:
+        kind = item.type if item.type not in ELEMENTS or len(getattr(item.data, ELEMENTS[item.type])) else ""
+    elif instance.show_particles and any(_shows_hair(modifier) for modifier in original.modifiers):
+        kind = "HAIR"
+    if kind:
+        what, advice = UNMESHED[kind]
+        warn(warnings, original.name, "not_baked", f"shows {what}, which a bake leaves out, so that nothing of it "
+             f"stops, reflects or gives light: {advice}")
+
+
+def _shows_hair(modifier: Any) -> bool:
+    """Whether a modifier makes strands that a render shows."""
+    if modifier.type != "PARTICLE_SYSTEM" or not modifier.show_render:
+        return False
+    settings = modifier.particle_system.settings
+    return bool(settings.type == "HAIR" and settings.render_type == "PATH")
+
+
+def meets(instance: Any, word: str) -> bool:
+    """Whether rays of a kind meet what an instance shows: an object, and the one that shows it as an instance."""
+    instancer = instance.parent if instance.is_instance else None
+    return bool(getattr(instance.object, word) and (instancer is None or getattr(instancer, word)))
 
 
 def _edited(item: Any, view_layer: Any) -> Any:

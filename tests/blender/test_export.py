@@ -12,6 +12,7 @@ from mathutils import Euler, Matrix
 from radiosity.radiosity_addon.export import Exported, export_scene
 from radiosity.solver.errors import NothingToBake, SceneError, SettingsError
 from radiosity.solver.settings import Settings
+from radiosity.tests.blender.stage import geometry_nodes
 
 SKEW = Matrix.LocRotScale((3, -2, 5), Euler((0.4, 1.1, -0.7)), (2.0, 0.5, 1.5))
 
@@ -148,6 +149,48 @@ def test_a_curve_blocks_light_but_is_not_baked(build):
     exported = export(warnings)
     assert {surface.name: surface.receives for surface in exported.scene.surfaces} == {"Square": True, "Tube": False}
     assert [entry["object"] for entry in warnings] == ["Tube"]
+
+
+def _hair_curves(build: Any, grid: Any) -> None:
+    data = bpy.data.hair_curves.new("Grass")
+    data.add_curves([2, 2])
+    build.object("Grass", data)
+
+
+def _particle_hair(build: Any, grid: Any) -> None:
+    grid.modifiers.new("Particles", "PARTICLE_SYSTEM").particle_system.settings.type = "HAIR"
+
+
+def _points(build: Any, grid: Any) -> None:
+    def tree(nodes: Any, geometry: Any) -> Any:
+        node = nodes.nodes.new("GeometryNodeMeshToPoints")
+        nodes.links.new(geometry, node.inputs[0])
+        return node.outputs[0]
+
+    geometry_nodes(grid, tree)
+
+
+def _volume(build: Any, grid: Any) -> None:
+    geometry_nodes(grid, lambda nodes, geometry: nodes.nodes.new("GeometryNodeVolumeCube").outputs[0])
+
+
+@pytest.mark.parametrize(("make", "name", "what"), [
+    (_hair_curves, "Grass", "hair curves"), (_particle_hair, "Thing", "hair"), (_points, "Thing", "a point cloud"),
+    (_volume, "Thing", "a volume")])
+def test_what_has_no_faces_and_is_shown_is_told(build, make, name, what):
+    # Hair, points or a volume above a square; nothing more is told where a render does not show it.
+    build.sun()
+    build.mesh("Square")
+    make(build, build.mesh("Thing"))
+    warnings: list[dict[str, Any]] = []
+    export(warnings)
+    (told,) = warnings
+    assert (told["object"], told["code"]) == (name, "not_baked")
+    assert f"shows {what}, " in told["message"]
+    warnings.clear()
+    bpy.data.objects[name].hide_render = True
+    export(warnings)
+    assert warnings == []
 
 
 def test_corner_ids_lead_back_to_the_meshs_own_corners(build):

@@ -140,6 +140,7 @@ def test_instances_of_a_lamp_look_at_their_own_places(stage):
     ({"kind": "POINT", "shadow_soft_size": 0.2}, ("ShaderNodeNewGeometry", "Position"), "its middle"),
     ({"kind": "SUN", "angle": 0.2}, ("ShaderNodeNewGeometry", "Position"), "middle"),
     ({"kind": "AREA", "size": 0.2}, ("ShaderNodeNewGeometry", "Incoming"), "straight on"),
+    ({"kind": "AREA", "size": 0.2}, ("ShaderNodeTexIES", "Fac"), "straight on"),
 ])
 def test_what_a_lamp_can_not_look_at_is_told(stage, settings, source, word):
     _fed(lamp(energy=20, **settings), *source)

@@ -95,6 +95,44 @@ def test_an_object_that_diffuse_rays_do_not_see_casts_its_shadow_and_reflects_no
     assert _means(_exported_scene()[0])[0, 0] > 1.05 * ours[0, 0]
 
 
+def _instanced(*items):
+    """An empty that shows objects as instances, in their places."""
+    collection = bpy.data.collections.new("Shown")
+    for item in items:
+        bpy.context.collection.objects.unlink(item)
+        collection.objects.link(item)
+    instancer = bpy.data.objects.new("Instancer", None)
+    instancer.instance_type, instancer.instance_collection = "COLLECTION", collection
+    bpy.context.collection.objects.link(instancer)
+    return instancer
+
+
+@pytest.mark.parametrize(("word", "expected"), [
+    ("visible_shadow", [("Instancer", "visibility")]), ("visible_diffuse", [])])
+def test_what_rays_do_not_see_of_an_instancer_they_do_not_see_of_its_instances(walls, word, expected):
+    # Plate and wall are visible to all rays, the empty that shows them is not.
+    instancer = _instanced(bpy.data.objects["Plate"], walls)
+    before = _means(_exported_scene()[0])
+    setattr(instancer, word, False)
+    scene, told = _exported_scene()
+    assert told == expected
+    ours = _means(scene)
+    assert ours == pytest.approx(cycles_irradiance(("DIRECT", "INDIRECT")).mean(axis=1), rel=0.01)
+    assert np.abs(ours / before - 1).max() > 0.05
+
+
+def test_a_lamp_of_an_instancer_that_diffuse_rays_do_not_see_gives_what_cycles_gives(stage):
+    # Cycles looks at the instancer of a lamp or not, by its version.
+    _instanced(lamp("POINT", energy=100, shadow_soft_size=0)).visible_diffuse = False
+    light = cycles_irradiance(samples=16)
+    if light.any():
+        assert solver_irradiance(exported(), 0.001 * light.mean()).mean() == pytest.approx(light.mean(), rel=TOLERANCE)
+    else:
+        lights, message = warned()
+        assert lights == ()
+        assert "'Instancer'" in message
+
+
 def test_a_glowing_object_that_diffuse_rays_do_not_see_gives_no_light(registered):
     mesh("Glow", [(-1, -1, 2), (1, -1, 2), (1, 1, 2), (-1, 1, 2)], [(0, 1, 2, 3)],
          material("Glow", "ShaderNodeEmission", Strength=5)).visible_diffuse = False
