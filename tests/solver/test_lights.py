@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from radiosity.solver import cap
 from radiosity.solver.area_lamp import Area
 from radiosity.solver.errors import SceneError
 from radiosity.solver.lamps import Point, Sun
@@ -172,6 +173,33 @@ def test_a_scaled_spot_has_an_elliptic_cone():
     for factor, lit in ((0.99, True), (1.01, False)):
         points, normals = arrays(np.column_stack([edge * factor, [0, 0, 0]]), UP)
         assert ((light.irradiance(points, normals)[:, 0] > 0) == lit).all()
+
+
+def test_all_points_at_a_spots_edge_are_worked_on_together(monkeypatch):
+    # 8 x 32 places of a lamp with a sharp cone for each of 500 points: in two chunks, not place by place; its axes are
+    # inverted once. The light of each point is what it is alone.
+    light = Spot("spot", (0, 0, 2), 1, 0.3, spot_size=1.0, frame=np.diag([1, 0.9, 1]))
+    across = np.linspace(1.05, 1.13, 500)
+    points, normals = arrays(np.column_stack([across, 0 * across, 0 * across]), UP)
+    done = {"towards": 0, "inv": 0}
+
+    def count(module, name):
+        plain = getattr(module, name)
+
+        def counted(*given):
+            done[name] += 1
+            return plain(*given)
+
+        monkeypatch.setattr(module, name, counted)
+
+    count(cap, "towards")
+    count(np.linalg, "inv")
+    together = light.irradiance(points, normals)[:, 0]
+    assert done["towards"] <= 2
+    assert together[0] > together[-1] > 0
+    apart = [light.irradiance(points[[row]], normals[[row]])[0, 0] for row in (0, 256, 499)]
+    assert together[[0, 256, 499]] == pytest.approx(apart, rel=1e-5)
+    assert done["inv"] <= 1
 
 
 def test_a_spots_blend_is_a_smooth_step_of_the_cosine():
