@@ -251,10 +251,13 @@ def _limit(count: int, block: Int, expected: Float, close: NDArray[np.bool_], re
     total = np.bincount(block, expected, count) + rest
     if wish.tolerance > 0:
         wanted = (SAMPLING_PART * wish.tolerance) ** 2
-        low, high = np.zeros(count), np.maximum(total, 1e-30)
+        # What a close lamp gives to single receivers is not known yet: J (tau - J) is tau^2 / 4 at most.
+        unsure = np.bincount(block, close, count) / 4
+        low, high = np.zeros(count), np.minimum(np.maximum(total, 1e-30), np.sqrt(wanted / np.maximum(unsure, 1e-30)))
         for _ in range(HALVINGS):
             middle = (low + high) / 2
-            variance = np.bincount(block, free * np.maximum(middle[block] - free, 0), count) + middle * rest
+            variance = np.bincount(block, free * np.maximum(middle[block] - free, 0), count) + middle * (
+                rest + middle * unsure)
             low, high = np.where(variance <= wanted, middle, low), np.where(variance <= wanted, high, middle)
         limit = np.minimum(low, total / LEAST_LOOKS)
     else:
