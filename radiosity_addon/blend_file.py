@@ -3,6 +3,7 @@ file that calls `bpy.ops.wm`."""
 
 from __future__ import annotations
 
+import os
 from collections.abc import Container
 from pathlib import Path
 from typing import Any
@@ -22,8 +23,8 @@ def open_blend(path: Path) -> None:
     OutputError
         If Blender can't read it.
     """
-    if not path.is_file():
-        wrong = "is no file" if path.exists() else "does not exist"
+    if not os.path.isfile(path):
+        wrong = "is no file" if os.path.exists(path) else "does not exist"
         raise SettingsError(f"{path} {wrong}: give the path of a .blend file")
     try:
         bpy.ops.wm.open_mainfile(filepath=str(path), load_ui=False, use_scripts=False)

@@ -11,7 +11,7 @@ from pathlib import Path
 
 from ..solver.errors import OutputError, SettingsError
 from ..solver.settings import Settings
-from ..solver.whole_file import reason
+from ..solver.whole_file import part_of, reason
 from .report import is_report
 
 DEFAULT_FOLDER = "lightmaps"
@@ -79,6 +79,7 @@ class Request:
                 made += (path for path in (*reversed(folder.parents), folder) if not os.path.exists(path))
                 _check_folder(folder)
             for path in files:
+                _check_name(path)
                 if path.exists() and not path.is_file():
                     raise OutputError(f"{path} is no file: give the name of a file")
                 if path.exists() and not os.access(path, os.W_OK):
@@ -103,7 +104,7 @@ class Request:
             return
         if path.suffix.lower() in OTHERS:
             raise SettingsError(f"--report {path} has the name of an image, a page or a scene: let it end in .json")
-        if path.is_file() and not is_report(path):
+        if os.path.isfile(path) and not is_report(path):
             raise SettingsError(f"{path} is no report, and only reports are overwritten by one: give the report "
                                 "another name (--report), or choose another output folder")
 
@@ -141,6 +142,16 @@ def remove_empty(folders: Iterable[Path]) -> None:
     for folder in reversed(list(folders)):
         with contextlib.suppress(OSError):
             folder.rmdir()
+
+
+def _check_name(path: Path) -> None:
+    """Ask for the file, and for what stands in for it while it is written: a name may be too long for the system."""
+    try:
+        for name in (path, part_of(path)):
+            with contextlib.suppress(FileNotFoundError):
+                name.stat()
+    except OSError as cause:
+        raise OutputError(f"{path} can't be written ({reason(cause)}): choose another name") from cause
 
 
 def _check_folder(folder: Path) -> None:

@@ -54,9 +54,9 @@ def write_exr(path: str | os.PathLike[str], pixels: Float, header: Mapping[str, 
     path = Path(path)
     channels = _to_channels(path, pixels, layers or {}, half)
     attributes = _attributes(path, header or {})
-    if not path.parent.is_dir():
+    if not os.path.isdir(path.parent):
         raise OutputError(f"{path}: the folder {path.parent} does not exist: make it, or choose another")
-    if path.is_dir():
+    if os.path.isdir(path):
         raise OutputError(f"{path} is a folder: give the name of a file")
     with whole_file(path) as beside:
         _write(beside, attributes, channels)
@@ -87,7 +87,7 @@ def read_layers(path: str | os.PathLike[str]) -> tuple[dict[str, Float], dict[st
     import OpenEXR
 
     path = Path(path)
-    if not path.is_file():
+    if not os.path.isfile(path):
         raise OutputError(f"{path} does not exist: check the name")
     try:
         with OpenEXR.File(str(path), separate_channels=True) as file:

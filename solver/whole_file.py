@@ -19,7 +19,7 @@ def whole_file(path: Path) -> Iterator[Path]:
     OutputError
         In place of an OSError.
     """
-    beside = path.with_name(f".{path.name}.{os.getpid()}.part")
+    beside = part_of(path)
     try:
         yield beside
         os.replace(beside, path)
@@ -28,6 +28,11 @@ def whole_file(path: Path) -> Iterator[Path]:
     finally:
         with contextlib.suppress(OSError):
             beside.unlink(missing_ok=True)
+
+
+def part_of(path: Path) -> Path:
+    """Where a file is written before it takes its place."""
+    return path.with_name(f".{path.name}.{os.getpid()}.part")
 
 
 def reason(cause: Exception) -> str:

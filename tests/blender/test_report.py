@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 import pytest
 from radiosity.radiosity_addon import report
+from radiosity.radiosity_addon.blend_file import open_blend
 from radiosity.radiosity_addon.progress import STAGE_WEIGHTS, Progress, Terminal, clock
 from radiosity.radiosity_addon.request import Request, folder_beside
 from radiosity.solver.errors import OutputError, SettingsError
@@ -55,6 +56,21 @@ def test_a_refusal_leaves_no_folder_behind(tmp_path: Path, report_path: str) -> 
     with pytest.raises(OutputError):
         Request(output=tmp_path / "new" / "deep", report=place).check_writable()
     assert {item.name for item in tmp_path.iterdir()} == {"taken", "taken.json"}
+
+
+@pytest.mark.parametrize("length", [250, 300])
+def test_a_name_that_is_too_long_is_refused_before_the_bake(tmp_path: Path, length: int) -> None:
+    # Of the report, the .blend and the folder, too long for the system (255) or only while it is written. Exact answer:
+    # one line, and no folder is left.
+    name, out = "x" * (length - 6), tmp_path / "out"
+    for request in (Request(output=out, report=out / f"{name}.json"), Request(save=out / f"{name}.blend")):
+        with pytest.raises(OutputError, match=r"can't be written \(file name too long\): choose another name"):
+            request.check_writable()
+    with pytest.raises(OutputError, match=r"can't be written to \(file name too long\)"):
+        Request(output=out / ("x" * 300)).check_writable()
+    with pytest.raises(SettingsError, match="does not exist"):
+        open_blend(tmp_path / ("x" * 300 + ".blend"))
+    assert not list(tmp_path.iterdir())
 
 
 @pytest.mark.parametrize("text", ["BLENDER-v402", '{"scene": "mine"}', '{"scene": ', "[1]", "notes"])

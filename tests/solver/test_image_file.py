@@ -74,6 +74,15 @@ def test_a_failure_while_writing_keeps_the_old_file_and_no_other(tmp_path):
     assert os.listdir(tmp_path) == ["a.exr"]
 
 
+def test_a_name_that_is_too_long_is_one_line(tmp_path):
+    # Longer than the system takes, of a file and of its folder. Exact answer: OutputError, to be written and read.
+    for path in (tmp_path / ("x" * 300), tmp_path / ("x" * 300) / "a.exr"):
+        with pytest.raises(OutputError):
+            write_exr(path, picture())
+        with pytest.raises(OutputError):
+            read_exr(path)
+
+
 @pytest.mark.parametrize("content", [None, b"", b"this is no image"])
 def test_a_file_that_cannot_be_read_is_one_line(tmp_path, content):
     # Not there, empty, and text: OutputError in one line that names the file.
