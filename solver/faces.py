@@ -14,7 +14,8 @@ from numpy.typing import NDArray
 
 from .charts import Charts, numbered, parts, uv_areas
 from .components import components, shared_edges
-from .planar import lay_flat, normals
+from .planar import lay_flat
+from .triangle_normals import normals
 
 Float = NDArray[np.floating[Any]]
 Int = NDArray[np.integer[Any]]

@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from .charts import numbered, of_first
 from .components import components, shared_edges
+from .triangle_normals import normals, unit
 
 Float = NDArray[np.floating[Any]]
 Int = NDArray[np.integer[Any]]
@@ -67,8 +68,7 @@ def pieces(positions: Float, node: Int, face: Int, limit: int = PIECE_SIZE) -> I
     -------
     (t,) int64 labels 0 ... k - 1. A piece cut in halves for its size need not be connected.
     """
-    normal = np.cross(positions[:, 1] - positions[:, 0], positions[:, 2] - positions[:, 0])
-    normal /= np.linalg.norm(normal, axis=1, keepdims=True)
+    normal = unit(normals(positions))
     first, second, side, _ = shared_edges(node)
     smooth = (normal[first] * normal[second]).sum(axis=1) > CREASE_COSINE
     smooth &= ~_walled(positions, normal, node, first, second, side)

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .charts import Charts
+from .triangle_normals import normals, unit
 
 Float = NDArray[np.floating[Any]]
 
@@ -36,7 +37,7 @@ def lay_flat(positions: Float, charts: Charts, some: NDArray[np.bool_]) -> Chart
     # Directions in the plane: along the longest side of any of the triangles, and square to it.
     along = np.zeros((charts.count, 3))
     along[charts.chart] = longest
-    along = _unit(along - (along * mean).sum(axis=1, keepdims=True) * mean)
+    along = unit(along - (along * mean).sum(axis=1, keepdims=True) * mean)
     across = np.cross(mean, along)
     first = np.zeros((charts.count, 3))
     first[charts.chart] = positions[:, 0]
@@ -48,15 +49,6 @@ def lay_flat(positions: Float, charts: Charts, some: NDArray[np.bool_]) -> Chart
     return replace(charts, uv=uv)
 
 
-def normals(positions: Float) -> Float:
-    """(t, 3) normals of triangles (t, 3, 3), as long as twice the area."""
-    return np.asarray(np.cross(positions[:, 1] - positions[:, 0], positions[:, 2] - positions[:, 0]))
-
-
 def _mean_normals(normal: Float, charts: Charts) -> Float:
     """(k, 3) unit normals of the charts, weighted by area."""
-    return _unit(np.stack([np.bincount(charts.chart, normal[:, axis], charts.count) for axis in range(3)], axis=1))
-
-
-def _unit(vectors: Float) -> Float:
-    return np.asarray(vectors / np.maximum(np.linalg.norm(vectors, axis=1, keepdims=True), 1e-300))
+    return unit(np.stack([np.bincount(charts.chart, normal[:, axis], charts.count) for axis in range(3)], axis=1))

@@ -21,6 +21,7 @@ from .lumels import UV_WELD
 from .pieces import weld
 from .receivers import Lumels
 from .scene import Scene, surface_of_triangle
+from .triangle_normals import corner_normals, normals, unit
 from .visibility import OFFSET, Visibility
 
 Float = NDArray[np.floating[Any]]
@@ -64,7 +65,7 @@ def seam_samples(lumels: Lumels, scene: Scene, check: Callable[[], None] = lambd
     surface = surface_of_triangle(scene)
     page = lumels.page_of_surface[surface]
     laid = np.flatnonzero(page >= 0)
-    uv, normal = layout_of(lumels, scene), _normals(scene)
+    uv, normal = layout_of(lumels, scene), corner_normals(scene, slice(None))
     sizes = np.array([(item.width, item.height) for item in lumels.pages], np.float64)
     node = weld(scene.vertices)[scene.triangles[laid]]
     first, second, side, other = shared_edges(node)
@@ -114,8 +115,8 @@ def _touching(corners: Float, visibility: Visibility, uv: Float, normal: Float, 
     start, end = corners[own, corner[:, 0]], corners[own, corner[:, 1]]
     third = corners[own, 3 - corner.sum(axis=1)]
     point = start * (1 - along) + end * along
-    up = _upward(corners[own])
-    outward = _unit(np.cross(end - start, up))
+    up = unit(normals(corners[own]))
+    outward = unit(np.cross(end - start, up))
     outward *= np.where(((third - point) * outward).sum(axis=1) > 0, -1.0, 1.0)[:, None]
     place = uv[own, corner[:, 0]] * (1 - along) + uv[own, corner[:, 1]] * along
     step, level = _steps(corners, uv, sizes[page], own)
@@ -123,8 +124,8 @@ def _touching(corners: Float, visibility: Visibility, uv: Float, normal: Float, 
     hits = visibility.hits(np.asarray(origin, np.float32), np.asarray(-up, np.float32))
     met = np.maximum(hits.triangle, 0)
     weight = np.stack([1 - hits.u - hits.v, hits.u, hits.v], axis=1).astype(np.float64)
-    theirs = _unit((normal[met] * weight[:, :, None]).sum(axis=1))
-    ours = _unit(normal[own, corner[:, 0]] * (1 - along) + normal[own, corner[:, 1]] * along)
+    theirs = unit((normal[met] * weight[:, :, None]).sum(axis=1))
+    ours = unit(normal[own, corner[:, 0]] * (1 - along) + normal[own, corner[:, 1]] * along)
     apart = np.abs(hits.distance - 2 * level)
     found = (hits.triangle >= 0) & (apart < np.maximum(level, _least(corners[met]))) & (page[met] >= 0) & (met != own)
     found &= (ours * theirs).sum(axis=1) > FLUSH_COSINE
@@ -157,8 +158,8 @@ def _open(corners: Float, visibility: Visibility, uv: Float, sizes: Float, sampl
         corner = corners[own]
         point = corner[:, 0] + u[:, None] * (corner[:, 1] - corner[:, 0]) + v[:, None] * (corner[:, 2] - corner[:, 0])
         step, level = _steps(corners, uv, sizes, own)
-        inward = _unit(corner.mean(axis=1) - point)
-        ends.append(point + inward * step[:, None] + _upward(corner) * (2 * level)[:, None])
+        inward = unit(corner.mean(axis=1) - point)
+        ends.append(point + inward * step[:, None] + unit(normals(corner)) * (2 * level)[:, None])
     way = ends[1] - ends[0]
     length = np.linalg.norm(way, axis=1)
     way /= np.maximum(length, 1e-300)[:, None]
@@ -178,11 +179,6 @@ def _steps(corners: Float, uv: Float, sizes: Float, triangle: Int) -> tuple[Floa
 def _least(corner: Float) -> Float:
     """(n,) metres that rays can tell apart for certain on triangles (n, 3, 3)."""
     return np.asarray(LEAST_STEPS * OFFSET * np.abs(corner).max(axis=(1, 2), initial=0))
-
-
-def _upward(corner: Float) -> Float:
-    """(n, 3) unit normals of triangles (n, 3, 3)."""
-    return _unit(np.cross(corner[:, 1] - corner[:, 0], corner[:, 2] - corner[:, 0]))
 
 
 def _along(ends: Float) -> tuple[Float, Int]:
@@ -206,15 +202,3 @@ def layout_of(lumels: Lumels, scene: Scene) -> Float:
         if layout is not None:
             uv[surface.triangles] = layout
     return uv
-
-
-def _normals(scene: Scene) -> Float:
-    """(t, 3, 3) unit shading normals at the corners."""
-    if scene.corner_normals is not None:
-        return np.asarray(scene.corner_normals)
-    corners = scene.vertices[scene.triangles]
-    return np.repeat(_upward(corners)[:, None], 3, axis=1)
-
-
-def _unit(vectors: Float) -> Float:
-    return np.asarray(vectors / np.maximum(np.linalg.norm(vectors, axis=1, keepdims=True), 1e-300))

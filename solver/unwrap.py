@@ -23,7 +23,8 @@ from .charts import Charts, cut_wasteful, numbered, parts, straighten, unfold, u
 from .components import components, shared_edges
 from .faces import mend
 from .pieces import halved, middles, pieces
-from .planar import bent, lay_flat, normals
+from .planar import bent, lay_flat
+from .triangle_normals import normals
 
 Float = NDArray[np.floating[Any]]
 Int = NDArray[np.integer[Any]]

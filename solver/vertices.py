@@ -22,6 +22,7 @@ from .pieces import weld
 from .receivers import Receivers
 from .scene import Scene
 from .settings import Settings
+from .triangle_normals import corner_normals
 
 Float = NDArray[np.floating[Any]]
 Int = NDArray[np.integer[Any]]
@@ -218,7 +219,7 @@ def _shared_corners(scene: Scene, chosen: list[int], triangle: Int, place_of: In
     Joined are the same corner of the mesh (`Surface.corner_ids`), and corners on both sides of an edge of one object
     whose normals are nearly the same.
     """
-    normal = _corner_normals(scene, triangle)
+    normal = corner_normals(scene, triangle)
     first, second, side, other = shared_edges(place_of)
     ends = []
     for a, b in ((side, (other + 1) % 3), ((side + 1) % 3, other)):
@@ -244,16 +245,6 @@ def _corner_numbers(scene: Scene, index: int) -> Int:
     if surface.corner_ids is None:
         return np.arange(3 * surface.count).reshape(-1, 3)
     return np.asarray(surface.corner_ids, np.int64)
-
-
-def _corner_normals(scene: Scene, triangle: Int) -> Float:
-    """(t, 3, 3) unit shading normals at the corners; a flat triangle's own where there are none."""
-    if scene.corner_normals is not None:
-        return np.asarray(scene.corner_normals[triangle])
-    corners = scene.vertices[scene.triangles[triangle]]
-    normal = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
-    normal /= np.maximum(np.linalg.norm(normal, axis=1, keepdims=True), 1e-300)
-    return np.repeat(normal[:, None], 3, axis=1)
 
 
 def _bends(corners: Float, node: Int, area: Float) -> tuple[Int, Float]:
