@@ -25,7 +25,7 @@ from .mixing import mix
 from .parallel import Run, slices
 from .paths import KeptLook, Paths, shape_of, sky_hits
 from .result import refuse_singular
-from .row_system import solve_rows
+from .row_system import RowSystem
 from .sampling import kronecker
 from .scene import Scene
 from .tables import mean_over_rays, padded
@@ -113,8 +113,8 @@ class _Light:
         direct = rho * mix(paths.incident, factors)
         direct[paths.glowing] += paths.glow * factors[paths.glow_group].astype(np.float32)
         sky = np.asarray(factors[paths.sky_group] if paths.sky_group >= 0 else np.zeros(3), np.float32)
-        linear = solve_rows(paths.rows, lambda rows: rows.mean_sky() * sky, direct, rho, paths.patch, paths.patches,
-                            TOLERANCE, run)
+        system = RowSystem(paths.rows, rho, paths.patch, paths.patches)
+        linear = system.solve(direct, lambda rows: rows.mean_sky() * sky, TOLERANCE, run)
         reflected = rho * np.asarray(linear.value, np.float32)[paths.patch]
         return cls(padded(direct + reflected), padded(reflected), padded(rho), sky, linear)
 

@@ -23,7 +23,7 @@ from .met_cells import MetCells
 from .parallel import Run, shares, slices
 from .patches import Patches, eighths
 from .row_starts import RowStarts
-from .row_system import solve_rows
+from .row_system import RowSystem
 from .rows import Rows, level_noise
 from .sampling import cosine_directions, kronecker, shifted, shifts
 from .seen import PLACES, Seen
@@ -354,8 +354,8 @@ class Transport:
 
     def _solved_for(self, direct: Float, sky: Callable[[Rows], Float], tolerance: float) -> LinearResult:
         """H of patches for the direct radiosity of cells (cells, 3) and the sky's irradiance of rows."""
-        return solve_rows(self.rows, sky, direct, self.cell_reflectance, self.cell_patch, len(self.patches), tolerance,
-                          self.run)
+        system = RowSystem(self.rows, self.cell_reflectance, self.cell_patch, len(self.patches))
+        return system.solve(direct, sky, tolerance, self.run)
 
     def solve_apart(self, tolerance: float) -> None:
         """Solve for each light group, after the last `solve`, to the same relative residual of its own."""
