@@ -77,19 +77,34 @@ class Gathered:
         return float(np.sqrt(_mean(self.square_error) / self.lit))
 
 
-def gather_adaptively(transport: Transport, fans: Fans, plan: Plan, level: float, lit: float, usual: float, seed: int,
-                      neighbours: Neighbours | None, run: Run) -> Gathered:
+@dataclass(frozen=True)
+class Level:
+    """How bright receivers are, as far as it is known before they gather.
+
+    lamps : the lamps' mean direct light at their footprints, W/m2; counted with what is gathered.
+    lit : the part of the footprints that lamps shine on, 0 ... 1.
+    usual : what rays bring on the average, W/m2, about.
+    """
+
+    lamps: float
+    lit: float
+    usual: float
+
+
+def gather_adaptively(transport: Transport, fans: Fans, plan: Plan, level: Level, seed: int,
+                      neighbours: Neighbours | None) -> Gathered:
     """Gather until the error is about `plan.gather_error` of the mean light. Receivers count that any light arrives at:
     those in boxes that none gets into would make the others seem dim.
 
     Parameters
     ----------
-    level : the lamps' mean direct light at the footprints, W/m2; counted with what is gathered.
-    lit : the part of the footprints that lamps shine on.
-    usual : what rays bring on the average, W/m2, about.
+    transport : solved; its `run` does the work.
+    fans, level : of the receivers.
+    seed : of the rays' shifts.
     neighbours : of the footprints; None for receivers that have none, which are not smoothed.
     """
-    gather = Gather(transport, PEAK * usual)
+    run, lit = transport.run, level.lit
+    gather = Gather(transport, PEAK * level.usual)
     # Every look is smoothed, and its error told, with the same neighbours.
     near = None if neighbours is None else kernels(fans.receivers, neighbours, run)
     half = plan.gather_rays // 2
@@ -102,7 +117,7 @@ def gather_adaptively(transport: Transport, fans: Fans, plan: Plan, level: float
         found = light.any(axis=1)
         lit = max(lit, float(found.mean()), LEAST_LIT)
         # Of all receivers; above zero, also where all is dark and nothing is left to be wanted.
-        wanted = max((plan.gather_error * (level + float(light.mean()))) ** 2 / lit, DARK)
+        wanted = max((plan.gather_error * (level.lamps + float(light.mean()))) ** 2 / lit, DARK)
         most = MOST_FACTOR * half / rays
         factor = _speckle_factors(error, wanted, most)
         if _mean(error) > wanted * CLOSE_ENOUGH**2:

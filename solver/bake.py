@@ -23,7 +23,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .across import links
-from .adaptive import PEAK, gather_adaptively
+from .adaptive import PEAK, Level, gather_adaptively
 from .audit import Auditor, Truth, error_bar
 from .cells import Cells
 from .closure import PatchTable, patch_table
@@ -128,42 +128,56 @@ class _Work:
                   fronts: int = 0) -> Transport:
         """Cells, patches, rows, solved, for what these receivers can see, and for cells at about so many places on all
         `fronts`; `bounced` is the part of their light that patches carry, found if not given."""
-        seed = self.settings.seed
         with self.stages("patches"):
             pilot = pilot_rays(self.settings.error)
-            looks = look_around(self.geometry, places, self.sampled_emitter, pilot // PATH_SHARE, seed, self.run)
-            self.lamps, self.lit = self._lamp_level(receivers)
-            share = self._bounced_share(looks) if bounced is None else bounced
-            glowing = looks.glowing * (1 - share) / max(self.lamps + looks.straight, 1e-30)
+            looks = look_around(self.geometry, places, self.sampled_emitter, pilot // PATH_SHARE, self.settings.seed,
+                                self.run)
+            lamps, lit = self._lamp_level(receivers)
+            straight = lamps + looks.straight
+            share = self._bounced_share(looks, straight) if bounced is None else bounced
+            glowing = looks.glowing * (1 - share) / max(straight, 1e-30)
             self.plan = plan(self.settings.error, looks.distance, share, len(receivers), glowing)
-            corners = self.geometry.corners.reshape(-1, 3)
-            shells = Shells.of(self.geometry.corners)
-            patches = Patches(shells, corners.min(axis=0), corners.max(axis=0), self.plan.smallest_patch,
-                              looks.distance, self.geometry.visibility)
-            if looks.spots is not None:
-                patches.grow(looks.spots, looks.weight, looks.seen_from,
-                             float(looks.weight.sum()) / self.plan.patches)
-            cells = Cells(self.geometry, self.plan.cell_size)
-            transport = Transport(self.geometry, self.direct, self.sampled_emitter, cells, patches, seed, self.run)
-            if len(self.lights) <= FEW_LAMPS:
-                transport.met.samples = self.plan.cell_samples
-            transport.met.steep = STEEP * self.settings.error * (self.lamps + looks.straight)
-            step = max(1, len(places) * PILOT_RAYS // pilot)
+            transport = self._unmet(looks, straight)
             self.fans = Fans(places)
-            some = np.arange(0, len(places), step)
-            seen = Sight(transport, Gather(transport).meet(self.fans, Look(some, PILOT_RAYS, 0, seed + 1), self.run))
+            some = np.arange(0, len(places), max(1, len(places) * PILOT_RAYS // pilot))
+            look = Look(some, PILOT_RAYS, 0, self.settings.seed + 1)
+            seen = Sight(transport, Gather(transport).meet(self.fans, look, self.run))
             transport.starts.see(seen.cell)
-            transport.meet_whole(cells.companions(COMPLETE_CELLS))
-            self.fronts = cells.fronts(fronts) if fronts else np.empty(0, np.int64)
+            transport.meet_whole(transport.cells.companions(COMPLETE_CELLS))
+            self.fronts = transport.cells.fronts(fronts) if fronts else np.empty(0, np.int64)
             transport.meet_whole(self.fronts)
+        rays = self._trace_rows(transport, seen, straight)
+        self._refine(transport, seen, looks, rays)
+        with self.stages("solve"):
+            self.linear = transport.solve(TOLERANCE)
+            transport.solve_apart(TOLERANCE)
+        refuse_singular(self.linear, self.scene)
+        self.level = Level(lamps, lit, looks.straight + seen.light())
+        return transport
+
+    def _unmet(self, looks: Importance, straight: float) -> Transport:
+        """The transport side before any ray; `straight` is the mean light that comes without a bounce, W/m2."""
+        corners = self.geometry.corners.reshape(-1, 3)
+        patches = Patches(Shells.of(self.geometry.corners), corners.min(axis=0), corners.max(axis=0),
+                          self.plan.smallest_patch, looks.distance, self.geometry.visibility)
+        if looks.spots is not None:
+            patches.grow(looks.spots, looks.weight, looks.seen_from, float(looks.weight.sum()) / self.plan.patches)
+        cells = Cells(self.geometry, self.plan.cell_size)
+        transport = Transport(self.geometry, self.direct, self.sampled_emitter, cells, patches, self.settings.seed,
+                              self.run)
+        if len(self.lights) <= FEW_LAMPS:
+            transport.met.samples = self.plan.cell_samples
+        transport.met.steep = STEEP * self.settings.error * straight
+        return transport
+
+    def _trace_rows(self, transport: Transport, seen: Sight, straight: float) -> int:
+        """Trace the rows of all patches, anew while their noise is seen in the mean light; the rays of a row."""
         rays = self.plan.rays_of_row(len(transport.patches))
         with self.stages("form factors"):
             transport.discover(rays)
-        with self.stages("solve"):
-            self.linear = transport.solve(ROUGH)
+        self._solve_roughly(transport)
         for _ in range(MOST_RETRACED):
-            level = self.lamps + looks.straight + seen.light()
-            noise = transport.level_noise(seen.share()) / max(level, 1e-30)
+            noise = transport.level_noise(seen.share()) / max(straight + seen.light(), 1e-30)
             more = rays * MORE_RAYS
             too_many = more > MOST_ROW_RAYS or more * len(transport.patches) > MOST_HITS
             if noise <= LEVEL_SHARE * self.settings.error or too_many:
@@ -171,8 +185,11 @@ class _Work:
             rays = more
             with self.stages("form factors"):
                 transport.retrace(rays)
-            with self.stages("solve"):
-                self.linear = transport.solve(ROUGH)
+            self._solve_roughly(transport)
+        return rays
+
+    def _refine(self, transport: Transport, seen: Sight, looks: Importance, rays: int) -> None:
+        """Split patches by what the solution does inside them."""
         with self.stages("refine"):
             transport.peak = PEAK * (looks.straight + seen.light())
             wide = transport.wide(self.plan.patches // WIDE_SHARE)
@@ -183,14 +200,11 @@ class _Work:
                     break
                 wide = wide[:0]
                 transport.discover(rays)
-            with self.stages("solve"):
-                self.linear = transport.solve(ROUGH)
+            self._solve_roughly(transport)
+
+    def _solve_roughly(self, transport: Transport) -> None:
         with self.stages("solve"):
-            self.linear = transport.solve(TOLERANCE)
-            transport.solve_apart(TOLERANCE)
-        refuse_singular(self.linear, self.scene)
-        self.usual = looks.straight + seen.light()
-        return transport
+            self.linear = transport.solve(ROUGH)
 
     def light(self, receivers: Receivers, near: Neighbours) -> tuple[Float, Float]:
         """Direct (with the sky's and gathered emitters') and indirect irradiance of receivers: (n, 3) each, W/m2."""
@@ -209,17 +223,15 @@ class _Work:
     def unaudited_light(self, receivers: Receivers, places: ReceiverFootprints,
                         near: Neighbours | None) -> tuple[Float, Float]:
         """As `light`, with nobody to tell how good it is."""
-        seed = self.settings.seed
         # What lies under a touching face is rightly dark, and no filter may mix that with what is seen.
         near = near and near.without(places.covered)
         self.transported = self.transport(receivers, places)
         with self.stages("gather"):
             self.transported.keeper = keeper = self._keeper(len(receivers))
-            gathered = gather_adaptively(self.transported, self.fans, self.plan, self.lamps, self.lit, self.usual, seed,
-                                         near, self.run)
+            gathered = gather_adaptively(self.transported, self.fans, self.plan, self.level, self.settings.seed, near)
             self.paths = keeper.paths(self.transported) if keeper is not None else None
         with self.stages("direct"):
-            level = (self.lamps + float(gathered.first.mean() + gathered.bounced.mean())) / gathered.lit
+            level = (self.level.lamps + float(gathered.first.mean() + gathered.bounced.mean())) / gathered.lit
             self.expected = self.plan.expected_error(gathered.error / max(level, 1e-30))
             self.errors = np.sqrt(gathered.square_error)
             lit = self.direct.apart(places, self.run, level * self.plan.direct_error, PILOT if near else LONE_PILOT,
@@ -245,8 +257,9 @@ class _Work:
         light = self.direct.irradiance(places, self.run) * (self.settings.passes != "indirect")
         return float(light.mean()), float(light.any(axis=1).mean())
 
-    def _bounced_share(self, looks: Importance) -> float:
-        """About which part of the receivers' light comes over other surfaces, 0 ... 1."""
+    def _bounced_share(self, looks: Importance, straight: float) -> float:
+        """About which part of the receivers' light comes over other surfaces, 0 ... 1; `straight` is the mean of the
+        rest, W/m2."""
         if looks.spots is None:
             return 0.0
         some = np.linspace(0, looks.first - 1, min(looks.first, LEVEL_SAMPLE)).astype(int)
@@ -256,7 +269,7 @@ class _Work:
         lit = self.direct.irradiance(met, self.run).mean(axis=1)
         once = float((looks.weight[some] * lit).mean()) * looks.first / looks.paths
         bounced = MORE_BOUNCES * once + looks.bounced
-        return bounced / max(self.lamps + looks.straight + bounced, 1e-30)
+        return bounced / max(straight + bounced, 1e-30)
 
     @contextmanager
     def patch_figures(self, receivers: Receivers, light: Float
