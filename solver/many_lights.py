@@ -104,6 +104,33 @@ class Wish:
     closed: int
 
 
+@dataclass(frozen=True, eq=False)
+class _Judged:
+    """Receivers in blocks, and what each block is judged by.
+
+    blocks, places : the blocks, and the receivers in them.
+    limit : (b,) tau, W/m2.
+    highest : (b,) what is expected of the lamp that matters most, W/m2.
+    wish : how well lamps are to be looked at.
+    """
+
+    blocks: Blocks
+    places: Footprints
+    limit: Float
+    highest: Float
+    wish: Wish
+
+    def rays(self, level: Float, block: Int, wide: NDArray[np.bool_]) -> Int:
+        """Rays of the first look at lamps that give `level`, W/m2: by the wanted error; or fewer than `pilot` for the
+        lesser; but no fewer than a `wide` one needs."""
+        wish = self.wish
+        wanted = (level / wish.tolerance) ** (1 / RATE) if wish.tolerance > 0 else wish.pilot * (
+            level / np.maximum(self.highest[block], 1e-30)) ** (1 / (0.5 + RATE))
+        power = np.round(np.log2(np.clip(wanted, 1, wish.pilot)))
+        rays = np.minimum(2 ** power.astype(np.int64), wish.pilot)
+        return np.asarray(np.where(wide, np.maximum(rays, min(WIDE_RAYS, wish.pilot)), rays))
+
+
 def everybody(rows: Int, lamp: int, wish: Wish) -> Looks:
     """Every one of some receivers looks at a lamp."""
     count = len(rows)
@@ -163,11 +190,11 @@ class Chooser:
         surely = ~close & (expected >= limit[block])
         faint = ~close & ~surely
         rest[block[faint], lamp[faint]] = expected[faint]
-        rays = _rays(expected[surely], highest[block[surely]], wish)
+        judged = _Judged(blocks, places, limit, highest, wish)
         return Looks.join([
-            self._sure(blocks, block[surely], lamp[surely], rays, wish),
-            self._close(blocks, single, places, block[close], lamp[close], shown, limit, highest, wish),
-            self._drawn(blocks, places, rest, limit, highest, wish)])
+            self._sure(judged, block[surely], lamp[surely], expected[surely]),
+            self._close(judged, single, block[close], lamp[close], shown),
+            self._drawn(judged, rest)])
 
     def batches(self, blocks: Blocks) -> list[slice]:
         """Runs of blocks to be handed to `looks` one by one: enough of them for all threads."""
@@ -178,33 +205,28 @@ class Chooser:
         edges = np.append(np.append(0, np.flatnonzero(np.diff(np.floor(end))) + 1), len(blocks))
         return [slice(first, last) for first, last in zip(edges[:-1], edges[1:], strict=True)]
 
-    def _sure(self, blocks: Blocks, block: Int, lamp: Int, rays: Int, wish: Wish) -> Looks:
+    def _sure(self, judged: _Judged, block: Int, lamp: Int, expected: Float) -> Looks:
         """All receivers of a block look at a lamp."""
-        which, place = blocks.members(block)
-        closed = self._bounds.wide(blocks, block, lamp)
-        rays = self._enough(rays, closed, wish)
-        return Looks(blocks.order[place], lamp[which], np.ones(len(which), np.float32), rays[which], closed[which])
+        which, place = judged.blocks.members(block)
+        closed = self._bounds.wide(judged.blocks, block, lamp)
+        rays = judged.rays(expected, block, closed)
+        rows, factor = judged.blocks.order[place], np.ones(len(which), np.float32)
+        return Looks(rows, lamp[which], factor, rays[which], closed[which])
 
-    def _close(self, blocks: Blocks, single: Blocks, places: Footprints, block: Int, lamp: Int, shown: Float,
-               limit: Float, highest: Float, wish: Wish) -> Looks:
+    def _close(self, judged: _Judged, single: Blocks, block: Int, lamp: Int, shown: Float) -> Looks:
         """Lamps that are near a block are judged anew for each of its receivers."""
-        which, place = blocks.members(block)
-        lamp, block, rows = lamp[which], block[which], blocks.order[place]
+        which, place = judged.blocks.members(block)
+        lamp, block, rows = lamp[which], block[which], judged.blocks.order[place]
         usual, most, near = self._bounds.of_pairs(single, place, lamp)
         expected = usual * shown[block, lamp] + BOUND_PART * most
-        chance = np.where(near, 1, np.minimum(expected / limit[block], 1))
-        key = places.identity[rows] * np.int64(1_000_003) + lamp
+        chance = np.where(near, 1, np.minimum(expected / judged.limit[block], 1))
+        key = judged.places.identity[rows] * np.int64(1_000_003) + lamp
         kept = np.flatnonzero((chance > 0) & (near | (uniform(key, 98, self._seed) < chance)))
         place, lamp, block, rows = (array[kept] for array in (place, lamp, block, rows))
         near, chance = near[kept], chance[kept]
-        rays = _rays(expected[kept] / chance, highest[block], wish)
         closed = self._bounds.wide(single, place, lamp)
-        return Looks(rows, lamp, np.asarray(1 / chance, np.float32), self._enough(rays, near | closed, wish), closed)
-
-    @staticmethod
-    def _enough(rays: Int, wide: NDArray[np.bool_], wish: Wish) -> Int:
-        """No fewer rays than a wide lamp needs."""
-        return np.asarray(np.where(wide, np.maximum(rays, min(WIDE_RAYS, wish.pilot)), rays))
+        rays = judged.rays(expected[kept] / chance, block, near | closed)
+        return Looks(rows, lamp, np.asarray(1 / chance, np.float32), rays, closed)
 
     def _tried(self, blocks: Blocks, places: Footprints, block: Int, lamp: Int, tries: Int, attempt: Try) -> Float:
         """(n,) the part of its light that arrives, for pairs of block and lamp; 1 where there is none."""
@@ -218,14 +240,14 @@ class Chooser:
             lamp[pair], blocks.order[blocks.begin[:-1][block][pair] + member]))
         return np.divide(seen, given, out=np.ones(len(block)), where=given > 0)
 
-    def _drawn(self, blocks: Blocks, places: Footprints, rest: Float, limit: Float, highest: Float,
-               wish: Wish) -> Looks:
+    def _drawn(self, judged: _Judged, rest: Float) -> Looks:
         """Lamps that are drawn by chance, with the probability rest / limit."""
+        blocks, limit = judged.blocks, judged.limit
         running = np.cumsum(rest, axis=1, dtype=np.float64) / limit[:, None]
         number = running[:, -1]
         block = np.repeat(np.arange(len(blocks)), blocks.size)
         rows = blocks.rows
-        part = uniform(places.identity[rows], 99, self._seed).astype(np.float64)
+        part = uniform(judged.places.identity[rows], 99, self._seed).astype(np.float64)
         count = np.maximum(np.ceil(number[block] - part), 0).astype(np.int64)
         rows, block = np.repeat(rows, count), np.repeat(block, count)
         step = np.arange(len(rows)) - np.repeat(np.cumsum(count) - count, count)
@@ -241,7 +263,7 @@ class Chooser:
         rows, block, lamp, expected = rows[good], block[good], lamp[good], expected[good]
         factor = limit[block] / expected
         closed = self._bounds.wide(blocks, block, lamp)
-        rays = self._enough(_rays(limit[block], highest[block], wish), closed, wish)
+        rays = judged.rays(limit[block], block, closed)
         return Looks(rows, lamp, np.asarray(factor, np.float32), rays, closed)
 
 
@@ -264,11 +286,3 @@ def _limit(count: int, block: Int, expected: Float, close: NDArray[np.bool_], re
         limit = wish.small_share * total
     drawn = np.bincount(block, np.where(free < limit[block], free, 0), count) + rest
     return np.maximum(np.maximum(limit, drawn / MOST_DRAWN), 1e-30)
-
-
-def _rays(level: Float, highest: Float, wish: Wish) -> Int:
-    """Rays of the first look at lamps that give `level`: by the wanted error; or fewer than `pilot` for the lesser."""
-    wanted = (level / wish.tolerance) ** (1 / RATE) if wish.tolerance > 0 else wish.pilot * (
-        level / np.maximum(highest, 1e-30)) ** (1 / (0.5 + RATE))
-    power = np.round(np.log2(np.clip(wanted, 1, wish.pilot)))
-    return np.asarray(np.minimum(2 ** power.astype(np.int64), wish.pilot))
