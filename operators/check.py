@@ -11,8 +11,9 @@ from ..radiosity_addon.command import parse_options
 from ..radiosity_addon.findings import keep_findings
 from ..radiosity_addon.job import Job
 from ..radiosity_addon.panel_words import in_panel_words
+from ..radiosity_addon.receiving import tell_passed_over
 from ..radiosity_addon.warn import as_line
-from ..radiosity_addon.window_request import settings_in
+from ..radiosity_addon.window_request import passed_over, settings_in
 from ..solver.errors import RadiosityError
 
 
@@ -31,8 +32,10 @@ class RADIOSITY_OT_check(bpy.types.Operator):
         """Look, keep what was found for the panel, and report."""
         try:
             convert = context.scene.radiosity.apply_modifiers
-            settings = settings_in(context, parse_options(""), convert=convert)
+            options = parse_options("")
+            settings = settings_in(context, options, convert=convert)
             found = find(context.scene, context.view_layer, settings, convert)
+            tell_passed_over(passed_over(context, options, convert=convert), found.warnings)
         except RadiosityError as error:
             self.report({"ERROR"}, str(error))
             return {"CANCELLED"}

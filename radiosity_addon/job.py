@@ -28,6 +28,7 @@ from .layouts import with_shared_layouts
 from .look import Look
 from .parts import ENDLESS, WINDOW_PART, Parts, whole
 from .progress import Progress, Terminal
+from .receiving import tell_passed_over
 from .request import Request, remove_empty
 from .staging import Staged, stage
 from .summary import print_warnings
@@ -103,6 +104,7 @@ class Job:
         with self._timed("export"):
             self._made = self.request.check_writable()
             scene, layer = self._place()
+            tell_passed_over(self.request.passed_over, self.warnings)
             self._exported = yield from export_parts(scene, layer, self.request.settings, self.warnings,
                                                      self.request.apply_modifiers, part_seconds, self._glance)
             yield

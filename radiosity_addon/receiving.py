@@ -56,6 +56,14 @@ def choose_receivers(shown: Sequence[Shown], settings: Settings, warnings: Warni
     return bindings
 
 
+def tell_passed_over(names: Sequence[str], warnings: Warnings) -> None:
+    """Tell of selected objects that are left out, since they have no mesh."""
+    for name in names:
+        kind = bpy.data.objects[name].type.lower()
+        warn(warnings, name, "not_baked", f"is not baked, it is a {kind} and has no mesh that could hold the result: "
+             f"{CONVERT}")
+
+
 def names_of(item: Shown) -> set[str]:
     """The names by which `only` may call it."""
     return {item.name, item.original.name, *([item.instancer] if item.instancer else [])}

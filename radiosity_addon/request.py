@@ -35,6 +35,7 @@ class Request:
     groups : which lights are kept apart for a relight: "none", by "lamp", by "collection", or "all" lamps in one.
     group_layers : write the groups as layers of an EXR file beside each image.
     reflectances : with groups, keep what a relight needs to follow other reflectances too.
+    passed_over : names of objects that are selected and left out, since they have no mesh.
     """
 
     settings: Settings = field(default_factory=Settings)
@@ -46,6 +47,7 @@ class Request:
     groups: str = "none"
     group_layers: bool = False
     reflectances: bool = False
+    passed_over: tuple[str, ...] = ()
 
     @property
     def keep_paths(self) -> bool:

@@ -32,8 +32,8 @@ def settings_in(context: Any, options: Namespace, *, convert: bool = False) -> S
     kept = context.scene.radiosity
     only: tuple[str, ...] = ()
     if kept.only_selected and "only" not in given:
-        selected = [item for item in context.view_layer.objects if item.select_get() and not is_excluded(item)]
-        shapes = [item for item in selected if item.type in CONVERTIBLE and _has_faces(item, context)]
+        selected = _selected(context)
+        shapes = _shapes(context)
         only = tuple(item.name for item in selected if item.type == "MESH" or item.instance_type == "COLLECTION"
                      or (convert and item in shapes))
         if not only and shapes:
@@ -42,6 +42,22 @@ def settings_in(context: Any, options: Namespace, *, convert: bool = False) -> S
         if not only:
             raise NothingToBake("no mesh is selected that is not excluded: select some, or switch off Selected Only")
     return settings_of(context.scene, {name: given[name] for name in WORDS if name in given}, only)
+
+
+def passed_over(context: Any, options: Namespace, *, convert: bool) -> tuple[str, ...]:
+    """Names of the selected curves and text that a bake of the selection leaves out: those that become no meshes."""
+    if convert or not context.scene.radiosity.only_selected or "only" in vars(options):
+        return ()
+    return tuple(item.name for item in _shapes(context))
+
+
+def _selected(context: Any) -> list[Any]:
+    return [item for item in context.view_layer.objects if item.select_get() and not is_excluded(item)]
+
+
+def _shapes(context: Any) -> list[Any]:
+    """What is selected and has faces, but no mesh of its own."""
+    return [item for item in _selected(context) if item.type in CONVERTIBLE and _has_faces(item, context)]
 
 
 def _has_faces(item: Any, context: Any) -> bool:
@@ -76,4 +92,4 @@ def request_in(context: Any, options: Namespace) -> Request:
         output = folder_beside(bpy.data.filepath, kept.output, advice=ADVICE)
     return Request(settings, output, given.get("report"), save, pack,
                    convert, groups_of(context.scene, given), given.get("group_layers", kept.group_layers),
-                   given.get("reflectances", kept.reflectances))
+                   given.get("reflectances", kept.reflectances), passed_over(context, options, convert=convert))

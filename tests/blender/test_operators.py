@@ -194,6 +194,18 @@ def test_a_selected_text_is_baked_with_apply_modifiers(stage, convert):
     assert [item.name for item in bpy.data.objects if "radiosity_lightmaps" in item] == ["Text mesh"]
 
 
+@pytest.mark.parametrize("verb", ["bake", "check"])
+def test_a_text_that_is_selected_beside_a_mesh_and_left_out_is_told(stage, capfd, verb):
+    # Without Apply Modifiers. Exact answer: the square is baked, and one warning names the text and what to do.
+    settings = bpy.context.scene.radiosity
+    settings.only_selected, settings.pack, settings.apply_modifiers = True, True, False
+    for item in (bpy.data.objects["Square"], stage.object("Text", bpy.data.curves.new("Text", "FONT"))):
+        item.select_set(True)
+    assert getattr(bpy.ops.radiosity, verb)() == {"FINISHED"}
+    assert "Text: is not baked, it is a font and has no mesh that could hold the result" in capfd.readouterr().out
+    assert "radiosity_lightmaps" not in bpy.data.objects["Text"]
+
+
 def test_a_selected_path_is_no_mesh(stage):
     bpy.context.scene.radiosity.only_selected = True
     stage.object("Path", bpy.data.curves.new("Path", "CURVE")).select_set(True)
