@@ -176,12 +176,12 @@ def read(folder: Path) -> Kept:
 
 def is_kept(folder: Path) -> bool:
     """Whether groups are kept there."""
-    return (folder / ABOUT).is_file()
+    return os.path.isfile(folder / ABOUT)
 
 
 def follows_colours(folder: Path) -> bool:
     """Whether what other reflectances need is kept there."""
-    return (folder / PATHS.format("shape")).is_file()
+    return os.path.isfile(folder / PATHS.format("shape"))
 
 
 def size(folder: Path) -> int:

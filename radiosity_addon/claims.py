@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import os
 from collections.abc import Collection, Iterable
 from pathlib import Path
@@ -84,8 +85,20 @@ def _told(path: Path, name: str) -> Path | None:
     """The .blend that a file names in an attribute, if that is there."""
     told = text_attribute(path, name)
     theirs = Path(os.path.normpath(path.parent / told))
-    return theirs if told and theirs.is_file() else None
+    return theirs if told and _is_there(theirs) else None
+
+
+def _is_there(path: Path) -> bool:
+    """Whether there is such a file. One whose folder may not be looked into, as another user's, may be there."""
+    try:
+        return path.is_file()
+    except OSError:
+        return True
 
 
 def _is_same(theirs: Path | None, other: Path | str | None) -> bool:
-    return theirs is not None and bool(other) and os.path.exists(str(other)) and theirs.samefile(str(other))
+    if theirs is None or not other:
+        return False
+    with contextlib.suppress(OSError):  # one of them is not there, or may not be looked at
+        return theirs.samefile(str(other))
+    return False

@@ -208,6 +208,7 @@ def test_bad_input_is_told_in_one_line(build, tmp_path, what, code, line):
     (("bake", "scene.blend", "--error", ".1", "--preset", "high"), "not allowed with argument --error"),
     (("bake", "."), "is no file: give the path of a .blend file"),
     (("bake", "nowhere.blend"), "nowhere.blend does not exist: give the path of a .blend file"),
+    (("bake", f"{'x' * 300}.blend"), "x.blend does not exist: give the path of a .blend file"),
     ((), "the following arguments are required: COMMAND"),
 ])
 def test_wrong_arguments_end_with_code_2(tmp_path, arguments, line):

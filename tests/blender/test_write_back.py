@@ -290,6 +290,20 @@ def test_a_file_of_another_blend_stays_and_is_told(sunny, tmp_path):
     assert bpy.data.objects["A"][baked_images.MARK].filepath.endswith("Lightmap_1.exr")
 
 
+def test_a_file_of_a_blend_that_may_not_be_looked_at_stays(sunny, tmp_path):
+    # A lightmap that names a .blend of which nobody can tell whether it is there: for root, whom no rights stop, one of
+    # a name longer than names can be. Exact answer: the file as it was, ours beside it, and a warning.
+    sunny.mesh("A")
+    bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / "scene.blend"))
+    theirs = tmp_path / "Lightmap_1.exr"
+    baked_images.write_marked(theirs, np.ones((4, 4, 3), np.float32), {baked_images.BLEND: f"{'x' * 300}.blend"})
+    before = theirs.read_bytes()
+    (message,) = bake(output=tmp_path)
+    assert message.startswith("the lightmap 'Lightmap_1.exr' was baked from")
+    assert theirs.read_bytes() == before
+    assert image_file.read_exr(tmp_path / "Lightmap_1_2.exr").max() * math.pi == pytest.approx(1, rel=0.02)
+
+
 def test_what_is_saved_in_the_place_of_another_bake_has_its_files_too(sunny, tmp_path):
     # Two .blend files, baked into one folder and saved as the same third one. Exact answer: one file, of the last.
     sunny.mesh("A")
