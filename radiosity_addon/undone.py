@@ -4,6 +4,7 @@ another layout than the image that comes back, there is no result.
 
 from __future__ import annotations
 
+import os
 from pathlib import Path
 from typing import Any
 
@@ -49,4 +50,6 @@ def forget_replaced() -> bool:
 def _is_replaced(image: Any) -> bool:
     if image.library is not None or LAYOUT not in image or image.packed_file is not None:
         return False
-    return text_attribute(Path(bpy.path.abspath(image.filepath)), LAYOUT) != str(image[LAYOUT])
+    path = Path(bpy.path.abspath(image.filepath))
+    # One that is not there, as on a drive that is away, may come back.
+    return os.path.isfile(path) and text_attribute(path, LAYOUT) != str(image[LAYOUT])

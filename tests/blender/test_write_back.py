@@ -10,7 +10,7 @@ from typing import Any
 import bpy
 import numpy as np
 import pytest
-from radiosity.radiosity_addon import baked_images, mesh_layers
+from radiosity.radiosity_addon import baked_images, mesh_layers, undone
 from radiosity.radiosity_addon.clear import clear
 from radiosity.radiosity_addon.command import parse_options
 from radiosity.radiosity_addon.job import run
@@ -302,6 +302,20 @@ def test_a_file_of_a_blend_that_may_not_be_looked_at_stays(sunny, tmp_path):
     assert message.startswith("the lightmap 'Lightmap_1.exr' was baked from")
     assert theirs.read_bytes() == before
     assert image_file.read_exr(tmp_path / "Lightmap_1_2.exr").max() * math.pi == pytest.approx(1, rel=0.02)
+
+
+def test_after_an_undo_a_file_that_is_away_is_not_taken_for_another_layout(sunny, tmp_path):
+    # The lightmap's file is moved away, then another layout lies there. Exact answer: the result stays, then goes.
+    item = sunny.mesh("A")
+    bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / "scene.blend"))
+    assert bake(output=tmp_path, options="--no-pack") == []
+    path = tmp_path / "Lightmap_1.exr"
+    path.rename(tmp_path / "away")
+    assert not undone.forget_replaced()
+    assert result_of(item) is not None
+    baked_images.write_marked(path, PIXELS, {baked_images.LAYOUT: "another"})
+    assert undone.forget_replaced()
+    assert result_of(item) is None
 
 
 def test_what_is_saved_in_the_place_of_another_bake_has_its_files_too(sunny, tmp_path):
