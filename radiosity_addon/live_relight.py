@@ -9,6 +9,7 @@ from collections.abc import Callable
 from typing import Any
 
 import bpy
+import numpy as np
 
 from ..solver.errors import RadiosityError
 from . import cache
@@ -25,6 +26,9 @@ from .world import rendered_world
 PAUSE = 0.3
 # What of a lamp says how strong it is; what this Blender lacks is left out.
 STRENGTH = ("energy", "color", "exposure", "use_temperature", "temperature", "normalize")
+# What of it can't be followed, and is told: it throws other light then. Places count to a micrometre.
+SHAPE = ("type", "shape", "size", "size_y", "shadow_soft_size", "spread", "angle", "spot_size", "spot_blend")
+DIGITS = 6
 LIGHTS = (bpy.types.Light, bpy.types.World, bpy.types.Material, bpy.types.NodeTree)
 
 # By the scene's name: the lights when its images were last updated, and what stood in the way of that.
@@ -60,12 +64,15 @@ def switched(settings: Any, _context: Any) -> None:
 def attach() -> None:
     """Listen to changes."""
     bpy.app.handlers.depsgraph_update_post.append(_changed)
+    bpy.app.handlers.frame_change_post.append(_frame_changed)
 
 
 def detach() -> None:
     """Listen no longer."""
-    if _changed in bpy.app.handlers.depsgraph_update_post:
-        bpy.app.handlers.depsgraph_update_post.remove(_changed)
+    for handlers, listener in ((bpy.app.handlers.depsgraph_update_post, _changed),
+                               (bpy.app.handlers.frame_change_post, _frame_changed)):
+        if listener in handlers:
+            handlers.remove(listener)
     if bpy.app.timers.is_registered(update):
         bpy.app.timers.unregister(update)
     _known.clear()
@@ -73,11 +80,12 @@ def detach() -> None:
 
 
 def lights_of(scene: Any) -> str:
-    """A sum of the strengths of all lights, and of materials where they are followed: quick, and the same again when
-    images are updated.
+    """A sum of all lights, and of materials where they are followed: quick, and the same again when images are updated.
     """
-    lamps = [(item.name, item.hide_render, [_plain(getattr(item.data, name, None)) for name in STRENGTH],
-              knobs_of(item.data)) for item in scene.objects if item.type == "LIGHT"]
+    lamps = [(item.name, item.hide_render, [_plain(getattr(item.data, name, None)) for name in (*STRENGTH, *SHAPE)],
+              np.round(item.matrix_world, DIGITS), knobs_of(item.data), rest_of(item.data),
+              [item.name in layer.objects for layer in scene.view_layers])
+             for item in scene.objects if item.type == "LIGHT"]
     hidden = [collection.name for collection in bpy.data.collections if collection.hide_render]
     own = [material for material in bpy.data.materials if VIEW_MARK not in material]
     materials = {material.name_full: knobs_of(material) for material in own}
@@ -122,12 +130,23 @@ def update() -> float | None:
 
 @bpy.app.handlers.persistent
 def _changed(scene: Any, depsgraph: Any) -> None:
+    if any(map(_may_matter, depsgraph.updates)):
+        _update_soon(scene)
+
+
+@bpy.app.handlers.persistent
+def _frame_changed(scene: Any, _depsgraph: Any) -> None:
+    # A render that goes through frames comes back to the one that is shown.
+    if not bpy.app.is_job_running("RENDER"):
+        _update_soon(scene)
+
+
+def _update_soon(scene: Any) -> None:
     if not scene.radiosity.live_relight or bpy.app.background:
         return
-    if any(map(_may_matter, depsgraph.updates)):
-        if bpy.app.timers.is_registered(update):
-            bpy.app.timers.unregister(update)
-        bpy.app.timers.register(update, first_interval=PAUSE)
+    if bpy.app.timers.is_registered(update):
+        bpy.app.timers.unregister(update)
+    bpy.app.timers.register(update, first_interval=PAUSE)
 
 
 def _may_matter(change: Any) -> bool:

@@ -155,6 +155,12 @@ def test_without_kept_groups_a_relight_says_how_to_get_them(baked, tmp_path):
     assert not (tmp_path / "nowhere").exists()
 
 
+def test_an_output_folder_that_can_not_be_keeps_no_groups(baked):
+    # A name longer than names can be, as the panel is drawn with it. Exact answer: nothing is kept there.
+    bpy.context.scene.radiosity.output = f"//{'x' * 300}"
+    assert kept_in(bpy.context.scene) is None
+
+
 def test_lamps_of_a_collection_are_changed_together(stage):
     # Two suns of 1 and 2 W/m2 in a collection, in one group. Exact answer: both doubled, 6 W/m2; one alone is refused.
     both = bpy.data.collections.new("Key")
@@ -254,3 +260,38 @@ def test_live_updates_once_a_change_and_tells_what_stands_in_the_way(baked):
     live_relight.update()
     assert "object 'Square' was moved" in live_relight.problem(scene)
     assert pixels() == pytest.approx(2, rel=0.01)
+
+
+@pytest.mark.parametrize(("of", "name", "value"), [
+    ("object", "rotation_euler", (1, 0, 0)), ("lamp", "angle", 1), ("lamp", "type", "POINT"),
+])
+def test_live_tells_of_a_lamp_that_shines_otherwise_until_it_is_as_before(baked, of, name, value):
+    # A sun that is turned, larger or no sun any more, then as it was. Exact answer: a line for the panel, then none.
+    scene, sun = bpy.context.scene, bpy.data.objects["Sun"]
+    block = sun if of == "object" else sun.data
+    kept = getattr(block, name)
+    before = kept.copy() if of == "object" else kept
+    scene.radiosity.live_relight = True
+    for now, told in ((value, True), (before, False)):
+        setattr(block, name, now)
+        bpy.context.view_layer.update()
+        live_relight.update()
+        assert live_relight.problem(scene).startswith("lamp 'Sun' was moved, or its shape or linking changed") == told
+    assert live_relight.problem(scene) == ""
+    assert pixels() == pytest.approx(1, rel=0.01)
+
+
+def test_live_follows_a_collection_that_is_excluded_from_the_view_layer(baked):
+    # The sun alone in a collection that is excluded, then not. Exact answer: black, then 1 W/m2 again.
+    scene, sun = bpy.context.scene, bpy.data.objects["Sun"]
+    lamps = bpy.data.collections.new("Lamps")
+    scene.collection.children.link(lamps)
+    lamps.objects.link(sun)
+    scene.collection.objects.unlink(sun)
+    scene.radiosity.live_relight = True
+    for excluded in (True, False):
+        scene.view_layers[0].layer_collection.children["Lamps"].exclude = excluded
+        bpy.context.view_layer.update()
+        live_relight.update()
+        assert (len(pixels()) == 0) == excluded
+    assert pixels() == pytest.approx(1, rel=0.01)
