@@ -53,7 +53,7 @@ def _draw_result(layout: Any, done: Any) -> None:
     numbers = done.report["comparison"]
     ours, cycles, equal = numbers["ours"], numbers["cycles"], numbers["equal_error"]
     box = layout.box().column(align=True)
-    box.label(text=Path(str(done.report["scene"])).name)
+    box.label(text=Path(str(done.report["scene"])).name, translate=False)
     rows = [("Error (RMS)", f"{ours['rms']:.2%}"), ("Bias", f"{ours['bias']:+.2%}"), ("95 % are within",
             f"{ours['p95_clean']:.2%}"), ("Worst", f"{ours['worst']:.1%}"), ("Our Time", f"{ours['seconds']:.1f} s"),
             ("Cycles' Time", f"{cycles['seconds']:.1f} s"), ("Cycles' Noise", f"{cycles['rms']:.2%}")]

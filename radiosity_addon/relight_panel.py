@@ -124,7 +124,7 @@ def _draw_light(layout: Any, scene: Any, kind: str, name: str) -> None:
 
 def _box(layout: Any, name: str, icon: str) -> Any:
     column = layout.box().column(align=True)
-    column.label(text=name, icon=icon)
+    column.label(text=name, translate=False, icon=icon)
     return column
 
 

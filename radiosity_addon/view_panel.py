@@ -115,8 +115,8 @@ class RADIOSITY_PT_checks(_Sub, bpy.types.Panel):
         for number, finding in enumerate(view.findings[:MOST_ROWS]):
             row = layout.row(align=True)
             known = finding.name in context.scene.objects
-            row.operator("radiosity.show_finding", text=finding.name or "Scene", emboss=known,
-                         icon="OBJECT_DATA" if known else "ERROR").index = number
+            row.operator("radiosity.show_finding", text=finding.name or "Scene", translate=not finding.name,
+                         emboss=known, icon="OBJECT_DATA" if known else "ERROR").index = number
             row.label(text=finding.message)
         if len(view.findings) > MOST_ROWS:
             layout.label(text=f"{len(view.findings) - MOST_ROWS} more in the report of a bake")
@@ -135,7 +135,7 @@ def _line(layout: Any, name: str, values: tuple[str, ...]) -> None:
     """A name, and values to the right of it, with little height."""
     parts = layout.split(factor=0.3, align=True)
     parts.scale_y = 0.8
-    parts.label(text=name)
+    parts.label(text=name, translate=False)
     cells = parts.row(align=True)
     for text in values:
         cells.label(text=text)
