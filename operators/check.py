@@ -9,12 +9,12 @@ import bpy
 from ..radiosity_addon.check import find, lines
 from ..radiosity_addon.command import parse_options
 from ..radiosity_addon.findings import keep_findings
-from ..radiosity_addon.job import Job
 from ..radiosity_addon.panel_words import in_panel_words
 from ..radiosity_addon.receiving import tell_passed_over
 from ..radiosity_addon.warn import as_line
 from ..radiosity_addon.window_request import passed_over, settings_in
 from ..solver.errors import RadiosityError
+from .working import is_free
 
 
 class RADIOSITY_OT_check(bpy.types.Operator):
@@ -26,7 +26,7 @@ class RADIOSITY_OT_check(bpy.types.Operator):
 
     @classmethod
     def poll(cls, context: Any) -> bool:
-        return Job.current is None and context.scene is not None
+        return is_free(cls) and context.scene is not None
 
     def execute(self, context: Any) -> set[str]:
         """Look, keep what was found for the panel, and report."""

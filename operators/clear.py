@@ -7,8 +7,8 @@ from typing import Any
 import bpy
 
 from ..radiosity_addon.clear import clear
-from ..radiosity_addon.job import Job
 from .preview import shade_as_before
+from .working import is_free
 
 
 class RADIOSITY_OT_clear(bpy.types.Operator):
@@ -23,7 +23,7 @@ class RADIOSITY_OT_clear(bpy.types.Operator):
         if any(mesh.is_editmode for mesh in bpy.data.meshes):
             cls.poll_message_set("A mesh is in Edit Mode: leave it (Tab)")
             return False
-        return Job.current is None
+        return is_free(cls)
 
     def execute(self, context: Any) -> set[str]:
         """Remove, and say how much."""

@@ -7,9 +7,9 @@ from typing import Any
 import bpy
 
 from ..radiosity_addon import density
-from ..radiosity_addon.job import Job
 from ..solver.errors import RadiosityError
 from .preview import shade_materials
+from .working import is_free
 
 
 class RADIOSITY_OT_density(bpy.types.Operator):
@@ -24,7 +24,7 @@ class RADIOSITY_OT_density(bpy.types.Operator):
         if any(mesh.is_editmode for mesh in bpy.data.meshes):
             cls.poll_message_set("A mesh is in Edit Mode: leave it (Tab)")
             return False
-        return Job.current is None and context.scene is not None
+        return is_free(cls) and context.scene is not None
 
     def execute(self, context: Any) -> set[str]:
         """Show, and tell the range."""

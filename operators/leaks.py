@@ -7,15 +7,15 @@ from typing import Any
 import bpy
 
 from ..radiosity_addon import leaks, patch_mesh
-from ..radiosity_addon.job import Job
 from ..radiosity_addon.view_settings import LEAKS
 from .preview import toggle
+from .working import is_free
 
 
 class _OfPatches:
     @classmethod
     def poll(cls, context: Any) -> bool:
-        if Job.current is not None or context.scene is None:
+        if not is_free(cls) or context.scene is None:
             return False
         if patch_mesh.kept() is None:
             cls.poll_message_set("Nothing is baked: press Bake Radiosity first")  # type: ignore[attr-defined]

@@ -7,7 +7,7 @@ from typing import Any
 import bpy
 
 from ..radiosity_addon import lux
-from ..radiosity_addon.job import Job, wait_for
+from ..radiosity_addon.job import wait_for
 from ..radiosity_addon.lux import Row
 from ..radiosity_addon.request import folder_beside
 from ..radiosity_addon.results import any_result
@@ -16,7 +16,7 @@ from ..radiosity_addon.view_settings import LUX
 from ..radiosity_addon.working_plane import PlaneJob
 from ..solver.errors import RadiosityError
 from .preview import shade_materials, toggle
-from .working import Working
+from .working import Working, is_free
 
 TABLE_FILE = "lux.csv"
 
@@ -30,7 +30,7 @@ class RADIOSITY_OT_lux_view(bpy.types.Operator):
 
     @classmethod
     def poll(cls, context: Any) -> bool:
-        if Job.current is not None or context.scene is None:
+        if not is_free(cls) or context.scene is None:
             return False
         if not any_result() and context.scene.radiosity_view.mode != LUX:
             cls.poll_message_set("Nothing is baked: press Bake Radiosity first")
@@ -58,7 +58,7 @@ class RADIOSITY_OT_working_plane(Working, bpy.types.Operator):
 
     @classmethod
     def poll(cls, context: Any) -> bool:
-        return Job.current is None and context.scene is not None
+        return is_free(cls) and context.scene is not None
 
     def execute(self, context: Any) -> set[str]:
         """Measure and wait."""

@@ -7,10 +7,10 @@ from typing import Any
 import bpy
 
 from ..radiosity_addon import preview
-from ..radiosity_addon.job import Job
 from ..radiosity_addon.results import any_result
 from ..radiosity_addon.view_settings import BAKED
 from ..solver.errors import RadiosityError
+from .working import is_free
 
 # Ways a viewport is shaded that show materials.
 SHOWS_MATERIALS = ("MATERIAL", "RENDERED")
@@ -27,7 +27,7 @@ class RADIOSITY_OT_preview(bpy.types.Operator):
 
     @classmethod
     def poll(cls, context: Any) -> bool:
-        if Job.current is not None or context.scene is None:
+        if not is_free(cls) or context.scene is None:
             return False
         if not any_result():
             cls.poll_message_set("Nothing is baked: press Bake Radiosity first")

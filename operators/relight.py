@@ -9,13 +9,13 @@ import bpy
 
 from ..radiosity_addon import cache, live_relight
 from ..radiosity_addon.command import parse_options
-from ..radiosity_addon.job import Job, Outcome
+from ..radiosity_addon.job import Outcome
 from ..radiosity_addon.panel_words import in_panel_words
 from ..radiosity_addon.relight import RelightJob, relight
 from ..radiosity_addon.relight_request import kept_in, relight_request
 from ..radiosity_addon.warn import as_line
 from ..solver.errors import RadiosityError
-from .working import Asked, Working
+from .working import Asked, Working, is_free
 
 
 class RADIOSITY_OT_relight(Asked, Working, bpy.types.Operator):
@@ -109,7 +109,7 @@ class RADIOSITY_OT_clear_groups(bpy.types.Operator):
 
     @classmethod
     def poll(cls, context: Any) -> bool:
-        return Job.current is None and context.scene is not None and kept_in(context.scene) is not None
+        return is_free(cls) and context.scene is not None and kept_in(context.scene) is not None
 
     def execute(self, context: Any) -> set[str]:
         """Delete, and say how much."""

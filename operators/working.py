@@ -30,6 +30,14 @@ def end_all(context: Any) -> None:
         operator.cancel(context)
 
 
+def is_free(operator: Any) -> bool:
+    """Whether no job is on its way; where one is, the operator's tooltip says why it can't be called."""
+    if Job.current is not None:
+        operator.poll_message_set("A bake is on its way: wait for it, or press Esc to cancel it")
+        return False
+    return True
+
+
 class Asked:
     """A part of an operator that is asked for as the command line is, one at a time."""
 
@@ -39,10 +47,7 @@ class Asked:
 
     @classmethod
     def poll(cls, context: Any) -> bool:
-        if Job.current is not None:
-            cls.poll_message_set("A bake is on its way: wait for it, or press Esc to cancel it")  # type: ignore[attr-defined]
-            return False
-        return context.scene is not None
+        return is_free(cls) and context.scene is not None
 
 
 class Working:

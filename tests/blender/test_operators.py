@@ -140,6 +140,18 @@ def test_a_second_start_is_refused(stage):
     assert bpy.ops.radiosity.bake.poll()
 
 
+@pytest.mark.parametrize("verb", ["bake", "check", "clear", "clear_groups", "compare", "density", "leak_view",
+                                  "lux_view", "preview", "relight", "working_plane", "worst"])
+def test_buttons_that_wait_for_a_job_say_so(stage, verb):
+    # One job on its way. Exact answer: the reason that a button's tooltip shows, and not the context.
+    first = Job(Request(), bpy.context.scene, bpy.context.view_layer)
+    try:
+        with pytest.raises(RuntimeError, match="A bake is on its way: wait for it, or press Esc to cancel it"):
+            getattr(bpy.ops.radiosity, verb)()
+    finally:
+        first.close()
+
+
 def test_selected_only_bakes_the_selection(stage, tmp_path):
     stage.mesh("Other")
     bpy.data.objects["Other"].select_set(True)
