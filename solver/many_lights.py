@@ -93,7 +93,7 @@ class Wish:
     """How well lamps are to be looked at.
 
     tolerance : wanted standard deviation of each value, W/m2; 0 if not known.
-    pilot : shadow rays of a first look at the lamp that matters most.
+    pilot : shadow rays of a first look at a lamp that gives all light.
     small_share : with no tolerance, lamps below this part of all light are drawn by chance.
     closed : places of a receiver at which closed forms are asked for.
     """
@@ -105,27 +105,44 @@ class Wish:
 
 
 @dataclass(frozen=True, eq=False)
+class _Beside:
+    """Receivers of blocks that lamps are near to, each with one of these.
+
+    block, lamp, place : (n,) the block, the lamp, and the receiver by its place in the blocks' order.
+    expected, near : (n,) what it expects of the lamp, W/m2, and whether it is so near itself that this says little.
+    mean : what a pair of block and lamp expects, over its receivers that are not so near, W/m2.
+    """
+
+    block: Int
+    lamp: Int
+    place: Int
+    expected: Float
+    near: NDArray[np.bool_]
+    mean: Float
+
+
+@dataclass(frozen=True, eq=False)
 class _Judged:
     """Receivers in blocks, and what each block is judged by.
 
     blocks, places : the blocks, and the receivers in them.
     limit : (b,) tau, W/m2.
-    highest : (b,) what is expected of the lamp that matters most, W/m2.
+    whole : (b,) what is expected of all lamps together, W/m2; no less than what is of any of them.
     wish : how well lamps are to be looked at.
     """
 
     blocks: Blocks
     places: Footprints
     limit: Float
-    highest: Float
+    whole: Float
     wish: Wish
 
     def rays(self, level: Float, block: Int, wide: NDArray[np.bool_]) -> Int:
-        """Rays of the first look at lamps that give `level`, W/m2: by the wanted error; or fewer than `pilot` for the
-        lesser; but no fewer than a `wide` one needs."""
+        """Rays of the first look at lamps that give `level`, W/m2: by the wanted error; or `pilot` for all light, and
+        fewer for a part of it; but no fewer than a `wide` one needs."""
         wish = self.wish
         wanted = (level / wish.tolerance) ** (1 / RATE) if wish.tolerance > 0 else wish.pilot * (
-            level / np.maximum(self.highest[block], 1e-30)) ** (1 / (0.5 + RATE))
+            level / np.maximum(self.whole[block], 1e-30)) ** (1 / (0.5 + RATE))
         power = np.round(np.log2(np.clip(wanted, 1, wish.pilot)))
         rays = np.minimum(2 ** power.astype(np.int64), wish.pilot)
         return np.asarray(np.where(wide, np.maximum(rays, min(WIDE_RAYS, wish.pilot)), rays))
@@ -184,16 +201,18 @@ class Chooser:
         block, lamp = np.nonzero(near | (rest > APART * rest.sum(axis=1)[:, None]))
         expected, close = rest[block, lamp], near[block, lamp]
         rest[block, lamp] = 0
-        highest = np.zeros(len(blocks))
-        np.maximum.at(highest, block, expected)
+        whole = np.asarray((usual * shown).sum(axis=1), np.float64)
+        np.maximum.at(whole, block, expected)
+        beside = self._beside(blocks, single, block[close], lamp[close], shown)
+        expected[close] = beside.mean
         limit = _limit(len(blocks), block, expected, close, rest.sum(axis=1, dtype=np.float64), wish)
         surely = ~close & (expected >= limit[block])
         faint = ~close & ~surely
         rest[block[faint], lamp[faint]] = expected[faint]
-        judged = _Judged(blocks, places, limit, highest, wish)
+        judged = _Judged(blocks, places, limit, whole, wish)
         return Looks.join([
             self._sure(judged, block[surely], lamp[surely], expected[surely]),
-            self._close(judged, single, block[close], lamp[close], shown),
+            self._close(judged, single, beside),
             self._drawn(judged, rest)])
 
     def batches(self, blocks: Blocks) -> list[slice]:
@@ -213,20 +232,25 @@ class Chooser:
         rows, factor = judged.blocks.order[place], np.ones(len(which), np.float32)
         return Looks(rows, lamp[which], factor, rays[which], closed[which])
 
-    def _close(self, judged: _Judged, single: Blocks, block: Int, lamp: Int, shown: Float) -> Looks:
-        """Lamps that are near a block are judged anew for each of its receivers."""
-        which, place = judged.blocks.members(block)
-        lamp, block, rows = lamp[which], block[which], judged.blocks.order[place]
-        usual, most, near = self._bounds.of_pairs(single, place, lamp)
-        expected = usual * shown[block, lamp] + BOUND_PART * most
-        chance = np.where(near, 1, np.minimum(expected / judged.limit[block], 1))
-        key = judged.places.identity[rows] * np.int64(1_000_003) + lamp
-        kept = np.flatnonzero((chance > 0) & (near | (uniform(key, 98, self._seed) < chance)))
-        place, lamp, block, rows = (array[kept] for array in (place, lamp, block, rows))
-        near, chance = near[kept], chance[kept]
+    def _beside(self, blocks: Blocks, single: Blocks, block: Int, lamp: Int, shown: Float) -> _Beside:
+        """Lamps that are near a block, judged anew for each of its receivers: from pairs of block and lamp."""
+        which, place = blocks.members(block)
+        usual, most, near = self._bounds.of_pairs(single, place, lamp[which])
+        expected = usual * shown[block, lamp][which] + np.float32(BOUND_PART) * most
+        mean = np.bincount(which, np.where(near, 0, expected), len(block)) / blocks.size[block]
+        return _Beside(block[which], lamp[which], place, expected, near, mean)
+
+    def _close(self, judged: _Judged, single: Blocks, beside: _Beside) -> Looks:
+        """Receivers look at lamps beside their block."""
+        chance = np.where(beside.near, 1, np.minimum(beside.expected / judged.limit[beside.block], 1))
+        rows = judged.blocks.order[beside.place]
+        key = judged.places.identity[rows] * np.int64(1_000_003) + beside.lamp
+        kept = np.flatnonzero((chance > 0) & (beside.near | (uniform(key, 98, self._seed) < chance)))
+        place, lamp, block = (array[kept] for array in (beside.place, beside.lamp, beside.block))
+        near, expected, chance = beside.near[kept], beside.expected[kept], chance[kept]
         closed = self._bounds.wide(single, place, lamp)
-        rays = judged.rays(expected[kept] / chance, block, near | closed)
-        return Looks(rows, lamp, np.asarray(1 / chance, np.float32), rays, closed)
+        rays = judged.rays(expected / chance, block, near | closed)
+        return Looks(rows[kept], lamp, np.asarray(1 / chance, np.float32), rays, closed)
 
     def _tried(self, blocks: Blocks, places: Footprints, block: Int, lamp: Int, tries: Int, attempt: Try) -> Float:
         """(n,) the part of its light that arrives, for pairs of block and lamp; 1 where there is none."""
@@ -268,18 +292,21 @@ class Chooser:
 
 
 def _limit(count: int, block: Int, expected: Float, close: NDArray[np.bool_], rest: Float, wish: Wish) -> Float:
-    """(count,) tau, above 0, from what blocks expect of single lamps (n,), close ones too, and of all the rest."""
-    free = np.where(close, 0, expected)
+    """(count,) tau, above 0, from what blocks expect of single lamps (n,), close ones too, and of all the rest.
+
+    Of close lamps the mean over receivers is expected. These differ: J (tau - J) is then tau times that mean at most,
+    and nowhere more than tau^2 / 4.
+    """
+    free, beside = np.where(close, 0, expected), np.where(close, expected, 0)
     total = np.bincount(block, expected, count) + rest
     if wish.tolerance > 0:
         wanted = (SAMPLING_PART * wish.tolerance) ** 2
-        # What a close lamp gives to single receivers is not known yet: J (tau - J) is tau^2 / 4 at most.
-        unsure = np.bincount(block, close, count) / 4
-        low, high = np.zeros(count), np.minimum(np.maximum(total, 1e-30), np.sqrt(wanted / np.maximum(unsure, 1e-30)))
+        low, high = np.zeros(count), np.maximum(total, 1e-30)
         for _ in range(HALVINGS):
             middle = (low + high) / 2
-            variance = np.bincount(block, free * np.maximum(middle[block] - free, 0), count) + middle * (
-                rest + middle * unsure)
+            tau = middle[block]
+            single = free * np.maximum(tau - free, 0) + tau * np.minimum(beside, tau / 4)
+            variance = np.bincount(block, single, count) + middle * rest
             low, high = np.where(variance <= wanted, middle, low), np.where(variance <= wanted, high, middle)
         limit = np.minimum(low, total / LEAST_LOOKS)
     else:

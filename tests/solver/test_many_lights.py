@@ -228,7 +228,7 @@ def test_an_occluder_of_a_thousandth_of_the_light_is_found():
 def test_lamps_amid_few_receivers_are_summed_to_the_wanted_error():
     # Eight small spots among 300 probes in 12 x 12 x 7 m, as an audit draws them: many blocks are close to all lamps.
     # Their bound, that of a receiver which touches a lamp, is thousands of times what it gives. Nothing stands between,
-    # so the sums of closed forms are exact.
+    # so the sums of closed forms are exact. Where no error is given, it is less than half of the mean.
     rng = np.random.default_rng(3)
     aims = np.column_stack([rng.uniform(-4, 4, (8, 2)), np.full(8, -6.0)])
     lamps = [Spot(f"spot {number}", (number - 3.5, 0, 0), 800, 0.05, direction=aim - (number - 3.5, 0, 0),
@@ -239,8 +239,9 @@ def test_lamps_amid_few_receivers_are_summed_to_the_wanted_error():
     given = [lamp.translated(-geometry.scene.origin) for lamp in lamps]
     exact = sum(lamp.irradiance(*places.sample(np.arange(300), middle, middle)) for lamp in given)
     wanted = 0.1 * float(exact.mean())
-    found = DirectLight(geometry, given, 5).irradiance(places, Run(1), wanted, 32)
-    assert np.sqrt(np.mean((found - exact) ** 2)) < wanted
+    for tolerance, most in ((wanted, wanted), (0.0, 5 * wanted)):
+        found = DirectLight(geometry, given, 5).irradiance(places, Run(1), tolerance, 32)
+        assert np.sqrt(np.mean((found - exact) ** 2)) < most
 
 
 def test_draws_for_paths_are_unbiased_wherever_a_point_lies():
