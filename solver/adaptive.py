@@ -16,9 +16,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from .blocks import Blocks
 from .estimator import TRIMMED_FRACTION
 from .fans import Fans
 from .gather import Gather, Look
+from .guides import BLOCK, BLOCK_SHARE, WORTH, Guides, Tally
 from .kernels import Kernel, Kernels, among, around, for_all, kernels
 from .neighbours import Neighbours
 from .parallel import Run
@@ -42,6 +44,9 @@ MOST_ROUNDS = 3
 PRIOR = 0.2
 # The same for receivers without neighbours.
 LONE_PRIOR = 0.6
+# Such receivers are guided by so many rays that found light, or not at all: of fewer, most of what shines lies where
+# none did, and nobody beside tells.
+LONE_FOUND = 24.0
 # A receiver stands out, as a speckle, if its error is this many times what is wanted on the average.
 SPECKLE = 3.0
 # Filtered light stands alone if it is so many times further from the mean of those beside than any of them is, at least
@@ -53,6 +58,8 @@ LEAST_LIT = 1e-3
 DARK = 1e-30
 # A look is not worth its while if the error is within this factor of what is wanted.
 CLOSE_ENOUGH = 1.1
+# Guided rays' shifts are not those of the rays before.
+GUIDED_SEED = 500
 
 
 @dataclass(frozen=True, eq=False)
@@ -109,7 +116,9 @@ def gather_adaptively(transport: Transport, fans: Fans, plan: Plan, level: Level
     near = None if neighbours is None else kernels(fans.receivers, neighbours, run)
     half = plan.gather_rays // 2
     rays = np.full(len(fans), half, np.int64)
-    looks = gather.light(fans, _both(np.arange(len(fans)), half, 0, seed), run)
+    tally = _tally(fans, level.usual, run)
+    looks = gather.light(fans, _both(np.arange(len(fans)), half, 0, seed), run, tally)
+    guides = tally.guides(0 if near is not None else LONE_FOUND)
     errors = _errors(looks, near, run)
     for _ in range(MOST_ROUNDS):
         error = np.sum(errors, axis=0)
@@ -124,7 +133,7 @@ def gather_adaptively(transport: Transport, fans: Fans, plan: Plan, level: Level
             factor = np.maximum(factor, _factors(_known(error, found, near), wanted, most))
         if not (factor > 1).any():
             break
-        _go_on(gather, fans, looks, rays, factor, seed, run)
+        _go_on(gather, fans, looks, rays, factor, seed, run, guides, half)
         errors = _errors(looks, near, run, np.flatnonzero(factor > 1), errors)
     value = _value(looks, near, run)
     if near is not None:
@@ -132,11 +141,19 @@ def gather_adaptively(transport: Transport, fans: Fans, plan: Plan, level: Level
         if len(alone):
             factor = np.ones(len(fans))
             factor[alone] = 2.0 ** np.floor(np.log2(np.minimum(CLOSER, MOST_FACTOR * half / rays[alone])))
-            _go_on(gather, fans, looks, rays, factor, seed, run)
+            _go_on(gather, fans, looks, rays, factor, seed, run, guides, half)
             needed = around(alone, [*near, *near])
             again = _value([look[needed] for look in looks], among(needed, near), run)
             value[alone] = again[np.searchsorted(needed, alone)]
     return Gathered(value[:, :3], value[:, 3:6], value[:, 6:], np.sum(errors, axis=0), lit)
+
+
+def _tally(fans: Fans, usual: float, run: Run) -> Tally:
+    """What takes down where the first rays find light, block by block."""
+    blocks = Blocks.nested(fans.places, (max(BLOCK, int(BLOCK_SHARE * len(fans))),), run)[0]
+    block = np.empty(len(fans), np.int32)
+    block[blocks.order] = np.repeat(np.arange(len(blocks)), blocks.size)
+    return Tally(block, len(blocks), usual)
 
 
 def _mean(error: Float) -> float:
@@ -144,17 +161,32 @@ def _mean(error: Float) -> float:
     return float(np.sort(error)[: max(1, int(len(error) * (1 - TRIMMED_FRACTION)))].mean())
 
 
-def _both(rows: Int, count: int, start: int, seed: int) -> list[Look]:
+def _both(rows: Int, count: int, start: int, seed: int, guides: Guides | None = None) -> list[Look]:
     """The same rays twice, with independent shifts."""
-    return [Look(rows, count, start, seed + 1000 * number) for number in (1, 2)]
+    return [Look(rows, count, start, seed + 1000 * number, guides) for number in (1, 2)]
 
 
-def _go_on(gather: Gather, fans: Fans, looks: list[Float], rays: Int, factor: Float, seed: int, run: Run) -> None:
-    """Multiply the receivers' rays (n,) by powers of two, and take what more of them find into the two looks."""
-    asked = [look for before, more, rows in _groups(rays, factor) for look in _both(rows, more, before, seed)]
-    for number, (look, found) in enumerate(zip(asked, gather.light(fans, asked, run), strict=True)):
+def _go_on(gather: Gather, fans: Fans, looks: list[Float], rays: Int, factor: Float, seed: int, run: Run,
+           guides: Guides, first: int) -> None:
+    """Multiply the receivers' rays (n,) by powers of two, and take what more of them find into the two looks.
+
+    Guided rays are a point set of their own, apart from the `first` rays of each receiver; each counts as WORTH of
+    these.
+    """
+    asked, shares = [], []
+    for before, more, rows in _groups(rays, factor):
+        guided = guides.pays[rows]
+        if not guided.all():
+            asked += _both(rows[~guided], more, before, seed)
+            shares += 2 * [more / (before + more)]
+        if guided.any():
+            start = before // WORTH if before > first else 0
+            count = (before + more) // WORTH - start
+            asked += _both(rows[guided], count, start, seed + GUIDED_SEED, guides)
+            shares += 2 * [count * WORTH / (first + (start + count) * WORTH)]
+    for number, (look, share, found) in enumerate(zip(asked, shares, gather.light(fans, asked, run), strict=True)):
         held = looks[number % 2]
-        held[look.rows] += (found - held[look.rows]) * np.float32(look.count / (look.start + look.count))
+        held[look.rows] += (found - held[look.rows]) * np.float32(share)
     rays[:] = rays * factor
 
 

@@ -190,17 +190,19 @@ class _Work:
 
     def _refine(self, transport: Transport, seen: Sight, looks: Importance, rays: int) -> None:
         """Split patches by what the solution does inside them."""
+        since = 0
         with self.stages("refine"):
-            transport.peak = PEAK * (looks.straight + seen.light())
+            light = seen.light()
+            transport.peak = PEAK * (looks.straight + light)
+            tolerance = REFINE_SHARE * self.settings.error * light / np.sqrt(max(self.plan.patches, 1))
             wide = transport.wide(self.plan.patches // WIDE_SHARE)
-        for _ in range(MOST_REFINEMENTS):
-            with self.stages("refine"):
-                tolerance = REFINE_SHARE * self.settings.error * seen.light() / np.sqrt(max(self.plan.patches, 1))
-                if not transport.refine(tolerance, seen.matters(), wide):
+            for _ in range(MOST_REFINEMENTS):
+                before = len(transport.patches)
+                if not transport.refine(tolerance, seen.matters(), wide, since):
                     break
-                wide = wide[:0]
                 transport.discover(rays)
-            self._solve_roughly(transport)
+                transport.relax(before)
+                since, wide = before, wide[:0]
 
     def _solve_roughly(self, transport: Transport) -> None:
         with self.stages("solve"):

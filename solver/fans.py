@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .footprints import ReceiverFootprints
+from .guides import Guides
 from .receivers import Receivers
 from .sampling import cosine_directions, frames, interleaved, rays_of_places, shifted, shifts
 
@@ -34,7 +35,7 @@ class Fans:
     """
 
     def __init__(self, places: ReceiverFootprints) -> None:
-        self._places, self._planes = places, places.planes
+        self.places, self._planes = places, places.planes
         self._frames = frames(self._planes.normal)
         self._flat_normal = places.flat_normals(np.arange(len(places)))
         straight = np.einsum("ij,ij->i", self._flat_normal, self._planes.normal) >= STRAIGHT
@@ -46,28 +47,35 @@ class Fans:
     @property
     def receivers(self) -> Receivers:
         """Whose rays these are."""
-        return self._places.receivers
+        return self.places.receivers
 
     def _shifts(self, rows: Int, seed: int) -> Float:
         """(n, 4)"""
-        move = shifts(self._places.identity[rows], 4, seed)
+        move = shifts(self.places.identity[rows], 4, seed)
         if self.receivers.texel is not None:
-            move[:, :2] = interleaved(self.receivers.texel[rows], self._places.surface[rows], seed + 77)
+            move[:, :2] = interleaved(self.receivers.texel[rows], self.places.surface[rows], seed + 77)
         return move
 
-    def rays(self, rows: Int, count: int, seed: int, start: int = 0) -> tuple[Float, Float, Bool | None]:
+    def coordinates(self, rows: Int, count: int, seed: int) -> tuple[Float, Float]:
+        """(n, count) float32 in [0, 1) of the first of such rays: squared sine of the polar angle, and part of a
+        turn."""
+        points, move = rays_of_places(count), self._shifts(rows, seed)
+        return shifted(points[:, 0], move[:, 0]), shifted(points[:, 1], move[:, 1])
+
+    def rays(self, rows: Int, count: int, seed: int, start: int = 0,
+             guides: Guides | None = None) -> tuple[Float, Float, NDArray[Any] | None]:
         """Of each receiver of `rows`, `count` rays, from point `start` of the point set on.
 
         Returns
         -------
         Origins and unit directions (n * count, 3) float32, and at which rays' starts light can arrive (n * count,)
-        bool; None for all.
+        bool, None for all; with guides how many cosine-distributed rays each stands for, float32, 0 for those.
         """
         points = rays_of_places(count, start)
         move = self._shifts(rows, seed)
         local = self._planes.places(rows, shifted(points[:, 2], move[:, 2]), shifted(points[:, 3], move[:, 3]))
         origins = self._planes.points(rows, local)
-        hidden = np.flatnonzero(self._places.hidden[rows])
+        hidden = np.flatnonzero(self.places.hidden[rows])
         bent = np.flatnonzero(self._planes.bent[rows])
         steep = np.flatnonzero(self._steep[rows])
         lit = np.ones((len(rows), count), bool) if len(hidden) or len(steep) else None
@@ -76,19 +84,26 @@ class Fans:
         normals = self._planes.normals(rows[bent], local[bent]) if len(bent) else None
 
         height = shifted(points[:, 0], move[:, 0])
-        turn, azimuth = np.float32(2 * np.pi) * move[:, 1, None], np.float32(2 * np.pi) * points[:, 1]
         first, second, normal = (np.take(table, rows, axis=0) for table in (*self._frames, self._planes.normal))
-        turned = np.stack([first * np.cos(turn) + second * np.sin(turn), second * np.cos(turn) - first * np.sin(turn),
-                           normal], axis=1)
+        weight = None
+        if guides is None:
+            turn, azimuth = np.float32(2 * np.pi) * move[:, 1, None], np.float32(2 * np.pi) * points[:, 1]
+            first, second = (first * np.cos(turn) + second * np.sin(turn),
+                             second * np.cos(turn) - first * np.sin(turn))
+        else:
+            height, around, weight = guides.aim(rows, height, shifted(points[:, 1], move[:, 1]))
+            azimuth = np.float32(2 * np.pi) * around
+        turned = np.stack([first, second, normal], axis=1)
         radius = np.sqrt(height)
         np.multiply(radius, np.cos(azimuth), out=local[:, 0])
         np.multiply(radius, np.sin(azimuth), out=local[:, 1])
         np.sqrt(1 - height, out=local[:, 2])
         directions = np.matmul(local.transpose(0, 2, 1), turned)
         if normals is not None:
-            around = shifted(points[:, 1], move[bent, 1])
-            directions[bent] = cosine_directions(normals, height[bent].reshape(-1, 1), around.reshape(-1, 1)).reshape(
+            along = shifted(points[:, 1], move[bent, 1]) if weight is None else around[bent]
+            directions[bent] = cosine_directions(normals, height[bent].reshape(-1, 1), along.reshape(-1, 1)).reshape(
                 len(bent), count, 3)
         if lit is not None and len(steep):
             lit[steep] &= np.matmul(directions[steep], self._flat_normal[rows[steep], :, None])[..., 0] > 0
-        return origins, directions.reshape(-1, 3), None if lit is None else lit.reshape(-1)
+        counts = weight if lit is None else lit if weight is None else weight * lit
+        return origins, directions.reshape(-1, 3), None if counts is None else counts.reshape(-1)

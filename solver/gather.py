@@ -23,12 +23,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .fans import Fans
+from .guides import Guides, Tally
 from .met import Met
 from .parallel import Run, shares
 from .plan import FEW_RECEIVERS
 from .sampling import cosine_directions, shifts
 from .seen import Seen
-from .tables import mean_over_rays
+from .tables import mean_of_channels, mean_over_rays
 from .transport import Transport
 
 Float = NDArray[np.floating[Any]]
@@ -82,12 +83,14 @@ class Look:
     rows : (n,) the receivers.
     count, start : rays of each, from this point of the point set on.
     seed : of the shifts.
+    guides : where the rays go; None for cosine-distributed ones.
     """
 
     rows: Int
     count: int
     start: int
     seed: int
+    guides: Guides | None = None
 
     def pieces(self) -> list[Look]:
         """The same in pieces, for threads."""
@@ -102,7 +105,7 @@ class _Rays:
     look: Look  # some receivers
     fresh: Seen  # where the last hits met cells that have no row yet
     sky: Float  # (2, n, 3) mean irradiance, without peaks and these alone
-    lit: NDArray[np.bool_] | None  # (n * rays,) whether light can arrive at the ray's start; None: everywhere
+    lit: NDArray[Any] | None  # (n * rays,) how many each stands for, 0 where no light arrives at its start; None: 1
     going: Int  # which rays go on,
     met: Met  # what they met last,
     carried: Float  # and the reflectance so far, (going, 3)
@@ -112,6 +115,7 @@ class _Rays:
     high: Int = field(default_factory=lambda: np.empty(0, np.int64))  # which rays have a peak in the end,
     over: Float = field(default_factory=lambda: np.empty(0, np.float32))  # and which part of what they bring it is
     trail: list[Leg] = field(default_factory=list)  # where it came from, if somebody asks for it
+    from_sky: tuple[Int, Float] = (np.empty(0, np.int64), np.empty((0, 3), np.float32))  # which met the sky at once
 
 
 class Gather:
@@ -132,12 +136,12 @@ class Gather:
         self.transport.meet([piece.fresh for piece in pieces])
         return np.concatenate([piece.met.rows(self.transport.cells) for piece in pieces])
 
-    def light(self, fans: Fans, looks: Sequence[Look], run: Run) -> list[Float]:
+    def light(self, fans: Fans, looks: Sequence[Look], run: Run, tally: Tally | None = None) -> list[Float]:
         """What each look finds: (n, 2, 6 + 3 g) float32, W/m2. Irradiance from sky and gathered emitters, and from
         light that surfaces reflect, and what of both is wanted of each light group; without peaks, and peaks alone.
 
         All looks go on together, since every bounce may meet cells that have no light yet, and it takes as long to give
-        it to few as to many.
+        it to few as to many. What those of the first find, and where, is taken down in `tally`.
         """
         pieces = [(number, piece) for number, look in enumerate(looks) for piece in look.pieces()]
         found: list[list[Float]] = [[] for _ in looks]
@@ -146,6 +150,9 @@ class Gather:
         for number, part in enumerate(passes):
             traced = run.map(lambda job: self._trace(fans, job[1]), pieces[part])
             going = traced
+            first = [rays for (look, _), rays in zip(pieces[part], traced, strict=True) if look == 0 and tally]
+            for rays in first:
+                rays.from_sky = rays.met.missed, rays.met.sky
             for bounce in range(MOST_BOUNCES):
                 self.transport.meet([rays.fresh for rays in going])
                 for rays, cell in zip(going, self.transport.look_again([rays.met for rays in going]), strict=True):
@@ -157,7 +164,11 @@ class Gather:
                     break
             if self.transport.keeper is not None:
                 for rays in traced:
-                    self.transport.keeper.take(rays.look, rays.lit, rays.trail)
+                    if rays.look.guides is None:
+                        self.transport.keeper.take(rays.look, rays.lit, rays.trail)
+            if tally is not None:
+                for found_there in run.map(lambda rays: self._tallied(fans, rays, tally), first):
+                    tally.add(*found_there)
             collect = partial(self._collect, shining=self._shining())
             for (look, _), light in zip(pieces[part], run.map(collect, traced), strict=True):
                 found[look].append(light)
@@ -165,14 +176,22 @@ class Gather:
         return [np.concatenate(parts) for parts in found]
 
     def _trace(self, fans: Fans, look: Look) -> _Rays:
-        origins, directions, lit = fans.rays(look.rows, look.count, look.seed, look.start)
+        origins, directions, lit = fans.rays(look.rows, look.count, look.seed, look.start, look.guides)
         met = self.transport.trace(origins, directions)
         fresh = met.fresh(directions, self.transport.geometry.normal)
         nothing = np.empty((0, 4), np.float32)
         return _Rays(look, fresh, self._mean_sky(met, look, lit), lit, np.arange(len(met.sides)), met,
                      nothing, nothing)
 
-    def _mean_sky(self, met: Met, look: Look, lit: NDArray[np.bool_] | None) -> Float:
+    def _tallied(self, fans: Fans, rays: _Rays, tally: Tally) -> tuple[Int, Float]:
+        """What rays brought, and from where."""
+        light, (missed, sky), look = mean_of_channels(rays.value), rays.from_sky, rays.look
+        light[missed] += mean_of_channels(sky)
+        if rays.lit is not None:
+            light *= rays.lit
+        return tally.of(look.rows, *fans.coordinates(look.rows, look.count, look.seed), light)
+
+    def _mean_sky(self, met: Met, look: Look, lit: NDArray[Any] | None) -> Float:
         """(2, n, 3) the sky's irradiance of each receiver."""
         sky = met.sky if lit is None else met.sky * lit[met.missed, None]
         high, over = self._peaks(met.sky)
@@ -181,7 +200,7 @@ class Gather:
 
     def _peaks(self, light: Float) -> tuple[Int, Float]:
         """Which of rays that bring `light` (n, 3 or 4) have a peak, and which part of it that is."""
-        brightness = (light[:, 0] + light[:, 1] + light[:, 2]) / np.float32(3)
+        brightness = mean_of_channels(light)
         high = np.flatnonzero(brightness > self._peak)
         return high, np.asarray(1 - self._peak / brightness[high], np.float32)
 
@@ -281,7 +300,8 @@ class _Step:
         if self._bounce == MOST_BOUNCES - 1:
             near = near[:0]
         elif self._bounce == 0:
-            confined = np.bincount(near // count, minlength=len(rays.look.rows)) >= CONFINED * count
+            stand_for = None if rays.look.guides is None or rays.lit is None else rays.lit[near]
+            confined = np.bincount(near // count, stand_for, len(rays.look.rows)) >= CONFINED * count
             near = near[confined[near // count] | ~rays.met.hits.front[near]]
         elif self._bounce >= ROULETTE_FROM:
             chance = shifts(self._identity(rays, rays.going[near]), 1, rays.look.seed + 301 + self._bounce)[:, 0]

@@ -56,14 +56,16 @@ class LinearResult:
 
 
 def solve_linear(apply: Callable[[Float], Float], right: Float, tolerance: float = TOLERANCE,
-                 check: Callable[[], None] | None = None) -> LinearResult:
+                 check: Callable[[], None] | None = None, start: Float | None = None) -> LinearResult:
     """Solve x - apply(x) = right.
 
     Parameters
     ----------
     apply : a linear function from and to the shape of `right`; its spectral radius is below 1.
     right : any shape; all columns share one Krylov space.
+    tolerance : of the residual, in parts of `right`, wherever the solution starts.
     check : called before every product, to stop the work by an exception.
+    start : about the solution, if something is known of it.
     """
     shape = right.shape
     b = np.asarray(right, np.float64).reshape(-1)
@@ -80,18 +82,24 @@ def solve_linear(apply: Callable[[Float], Float], right: Float, tolerance: float
 
     outcome = "capped"
     residual = b.copy()
+    if start is not None:
+        x = np.array(start, np.float64).reshape(-1)
+        residual = b - operator(x)
+        residuals.append(_norm(residual) / norm)
+        if residuals[-1] <= tolerance:
+            return LinearResult(x.reshape(shape), "converged", tuple(residuals))
     while len(residuals) < MOST_PRODUCTS:
-        start = _norm(residual) / norm
+        before = _norm(residual) / norm
         step, history = _cycle(operator, residual, norm, tolerance, MOST_PRODUCTS - len(residuals))
         x += step
         residuals += history
         residual = b - operator(x)
         now = _norm(residual) / norm
         residuals.append(now)
-        if now <= tolerance * 1.01 or SLOW * start < now <= GOOD_ENOUGH:
+        if now <= tolerance * 1.01 or SLOW * before < now <= GOOD_ENOUGH:
             outcome = "converged"
             break
-        if now > STALL * start:
+        if now > STALL * before:
             rounding = ROUNDING * _norm(x) / norm
             outcome = "converged" if now <= min(max(rounding, GOOD_ENOUGH), TOO_MUCH) else "stalled"
             break

@@ -13,6 +13,7 @@ from .growing import Growing
 from .met_cells import MetCells
 from .patches import Patches
 from .rows import Rows
+from .tables import mean_of_channels
 
 Float = NDArray[np.floating[Any]]
 Int = NDArray[np.integer[Any]]
@@ -103,5 +104,5 @@ class RowStarts:
     def _passed_on(self, importance: Float) -> Float:
         """(patches,) how much of the importance of its cells (the first,) a patch passes on: its reflected part."""
         some = slice(len(importance))
-        reflected = importance * self._met.reflectance[some].mean(axis=1)
+        reflected = importance * mean_of_channels(self._met.reflectance[some])
         return np.asarray(np.bincount(self._cell_patch.values[some], reflected, len(self._patches)), np.float64)

@@ -31,7 +31,8 @@ class RowSystem:
     patch: NDArray[np.int32]
     count: int
 
-    def solve(self, direct: Float, sky: Callable[[Rows], Float], tolerance: float, run: Run) -> LinearResult:
+    def solve(self, direct: Float, sky: Callable[[Rows], Float], tolerance: float, run: Run,
+              start: Float | None = None) -> LinearResult:
         """The indirect irradiance of patches, the sky's light in it.
 
         Parameters
@@ -39,6 +40,7 @@ class RowSystem:
         direct : (cells, 3) radiosity that does not come from patches, W/m2.
         sky : (p, 3) irradiance of rows from the sky, W/m2.
         tolerance : relative residual.
+        start : (count, 3) about what it will be, W/m2, if that is known.
 
         Returns
         -------
@@ -62,4 +64,4 @@ class RowSystem:
                 out[some.patch] = mean_of_hits(reflected, some.hits, run)
             return out
 
-        return solve_linear(apply, source, tolerance, run.check)
+        return solve_linear(apply, source, tolerance, run.check, start)

@@ -19,6 +19,8 @@ Int = NDArray[np.integer[Any]]
 # `rays_of_places` take for a mean are those that the filter of `smooth.py` suppresses most.
 ACROSS_IMAGE = np.array([[0.77456949, 0.44942266], [0.08761461, 0.46666262]])
 
+LOW = np.float32(-0.5)
+
 
 @cache
 def _steps(dimensions: int) -> NDArray[np.float64]:
@@ -102,9 +104,12 @@ def shifted(points: Float, shift: Float) -> Float:
 
 
 def frames(normals: Float) -> tuple[Float, Float]:
-    """Two tangents for every unit normal: (n, 3) each, right-handed (Duff et al. 2017)."""
+    """Two tangents for every unit normal: (n, 3) each, right-handed (Duff et al. 2017).
+
+    They jump where the normal turns below LOW, and not at z = 0, where that of a wall goes to and fro by rounding.
+    """
     x, y, z = normals[..., 0], normals[..., 1], normals[..., 2]
-    sign = np.copysign(np.float32(1.0), z)
+    sign = np.where(z > LOW, np.float32(1.0), np.float32(-1.0))
     a = -1.0 / (sign + z)
     b = x * y * a
     first = np.stack([1.0 + sign * x * x * a, sign * b, -sign * x], axis=-1)

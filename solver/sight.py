@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from .tables import mean_of_channels
 from .transport import Transport
 
 Float = NDArray[np.floating[Any]]
@@ -26,7 +27,7 @@ class Sight:
 
     def light(self) -> float:
         """Mean radiosity that the rays meet, the sky's rays counted as dark, W/m2."""
-        return float(self.transport.leaving().mean(axis=1)[self.cell].mean())
+        return float(mean_of_channels(self.transport.leaving())[self.cell].mean())
 
     def share(self) -> Float:
         """(p,) the share of the rays that meet each patch, times what it reflects."""
@@ -42,5 +43,5 @@ class Sight:
         """(p,) mean of each patch."""
         transport = self.transport
         total, number = (np.bincount(transport.cell_patch, weight, len(transport.patches))
-                         for weight in (transport.cell_reflectance.mean(axis=1), None))
+                         for weight in (mean_of_channels(transport.cell_reflectance), None))
         return np.asarray(total / np.maximum(number, 1))

@@ -32,6 +32,11 @@ def padded(values: Float) -> Float:
     return out
 
 
+def mean_of_channels(values: Float) -> Float:
+    """(n,): mean of the first three columns of (n, 3 or 4); of many rows several times as fast as `mean(axis=1)`."""
+    return np.asarray((values[:, 0] + values[:, 1] + values[:, 2]) / np.float32(3))
+
+
 def mean_over_rays(values: Float, count: int) -> Float:
     """(n, 3): means over runs of `count` rows of values (n * count, 4)."""
     rows, weights = values.reshape(-1, count, 4), _weights(count)

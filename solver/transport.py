@@ -27,7 +27,7 @@ from .row_system import RowSystem
 from .rows import Rows, level_noise
 from .sampling import cosine_directions, kronecker, shifted, shifts
 from .seen import PLACES, Seen
-from .tables import padded
+from .tables import mean_of_channels, mean_of_hits, padded
 
 if TYPE_CHECKING:
     from .path_keeper import PathKeeper
@@ -126,7 +126,7 @@ class Transport:
             few = np.append(few, False)  # the last entry is NOTHING's
             renewed = self.met.renew(self.run.map(lambda job: job[0].at(np.flatnonzero(few[job[1]])),
                                                   list(zip(some, rows, strict=True))))
-            self._stale = np.concatenate([self._stale, renewed[renewed < self._settled]])
+            self._forget(renewed)
         return rows
 
     def meet_whole(self, sides: NDArray[np.int64]) -> None:
@@ -197,7 +197,7 @@ class Transport:
         direct = np.take(self.cell_direct, rows, axis=0)
         self._table.values[rows, :3] = direct + reflectance * np.nan_to_num(irradiance)
         width = width_of_patch[patch]
-        width[self._table.values[rows, :3].mean(axis=1) > self.peak] *= PEAK_WIDTH
+        width[mean_of_channels(self._table.values[rows]) > self.peak] *= PEAK_WIDTH
         self._table.values[rows, 3] = width
         for group, table in enumerate(self._tables):
             direct = np.take(self.met.direct_of(group), rows, axis=0)
@@ -211,6 +211,10 @@ class Transport:
     def leaving(self) -> Float:
         """(cells + 1, 3) float32: radiosity of every met side of a cell; the last row is nothing."""
         return self.table()[:, :3]
+
+    def _forget(self, cells: Int) -> None:
+        """The rows of some cells in the tables have to be worked out again."""
+        self._stale = np.union1d(self._stale, cells[cells < self._settled])
 
     def _unsettle(self) -> None:
         """Forget what was derived from the patches and their light."""
@@ -292,32 +296,47 @@ class Transport:
                 self.rows += self.trace_rows(patches, count)
             self.run.report((wave + 1) / MOST_WAVES)
 
-    def refine(self, tolerance: float, weight: Float, wide: Int) -> int:
-        """Split the patches inside which the solution varies, and those that are too wide; return how many.
+    def refine(self, tolerance: float, weight: Float, wide: Int, since: int = 0) -> int:
+        """Split the patches inside which the solution varies, and those that are too wide; return how many. Until their
+        rows are traced, new patches have the light of those that they come from.
 
         Parameters
         ----------
         tolerance : a patch is split where weight * (root mean square of its eighths' deviation) is above this.
         weight : (p,) what a deviation of 1 W/m2 of a patch matters.
         wide : patches, see `wide`; they are split down to what the receivers see at once.
+        since : patches from this number on are looked at.
         """
         chosen = np.zeros(len(self.patches), bool)
-        table = np.ascontiguousarray(self.leaving().mean(axis=1))
-        for rows, deviation in zip(self.rows, self.run.map(lambda rows: rows.deviation(table), self.rows), strict=True):
+        table = mean_of_channels(self.leaving())
+        some = [rows for rows in self.rows if rows.patch.max(initial=-1) >= since]
+        for rows, deviation in zip(some, self.run.map(lambda rows: rows.deviation(table), some), strict=True):
             chosen[rows.patch] = deviation * weight[rows.patch] > tolerance
         chosen[wide] = True
         chosen &= self.patches.level < self.patches.depth
         if chosen.any():
             moved = np.flatnonzero(chosen[self.cell_patch])
-            spots = self.met.spots.take(moved)
+            spots, before = self.met.spots.take(moved), self.cell_patch[moved]
             width = self._widths().copy()
             width[wide] = np.minimum(width[wide], self.patches.view)
-            self.patches.split(spots, self.cell_patch[moved], width)
+            self.patches.split(spots, before, width)
             self.cell_patch[moved] = self.patches.of(spots, self.run)
             self._make_room()
+            self.irradiance[self.cell_patch[moved]] = self.irradiance[before]
             self.rows = [rows.take(~chosen[rows.patch]) for rows in self.rows if not chosen[rows.patch].all()]
-            self._unsettle()
+            self._extent = None
+            self._forget(moved)
         return int(chosen.sum())
+
+    def relax(self, since: int) -> None:
+        """Give patches from this number on the light that their rows find in what is solved."""
+        table = self.table()
+        changed = np.zeros(len(self.patches), bool)
+        for rows in self.rows:
+            if rows.patch.max(initial=-1) >= since:
+                self.irradiance[rows.patch] = rows.mean_sky() + mean_of_hits(table, rows.hits, self.run)
+                changed[rows.patch] = True
+        self._forget(np.flatnonzero(changed[self.cell_patch]))
 
     def wide(self, most: int) -> Int:
         """At most so many patches that hold cells of several places, in some of which lamps make peaks (see
@@ -328,7 +347,7 @@ class Transport:
     def level_noise(self, weight: Float) -> float:
         """About the standard deviation that the rows' noise gives a mean of the patches' irradiance, W/m2; `weight`
         (p,) of each patch in that mean."""
-        leaving, direct = (np.ascontiguousarray(table.mean(axis=1))
+        leaving, direct = (mean_of_channels(table)
                            for table in (self.leaving(), padded(self.cell_direct)[:, :3]))
         return level_noise(self.rows, weight, leaving, direct)
 
@@ -339,9 +358,11 @@ class Transport:
         self.discover(rays)
 
     def solve(self, tolerance: float) -> LinearResult:
-        """Solve H = q + F (rho H) to a relative residual; patches without a row count as black until `late`."""
+        """Solve H = q + F (rho H) to a relative residual, from what is known of it by now; patches without a row are
+        black until `late`."""
         count = len(self.patches)
-        result = self._solved_for(self.cell_direct, Rows.mean_sky, tolerance)
+        known = None if np.isnan(self.irradiance).all() else np.nan_to_num(self.irradiance)
+        result = self._solved_for(self.cell_direct, Rows.mean_sky, tolerance, known)
         solved = np.zeros(count, bool)
         for rows in self.rows:
             solved[rows.patch] = True
@@ -352,10 +373,11 @@ class Transport:
         self._unsettle()
         return result
 
-    def _solved_for(self, direct: Float, sky: Callable[[Rows], Float], tolerance: float) -> LinearResult:
+    def _solved_for(self, direct: Float, sky: Callable[[Rows], Float], tolerance: float,
+                    start: Float | None = None) -> LinearResult:
         """H of patches for the direct radiosity of cells (cells, 3) and the sky's irradiance of rows."""
         system = RowSystem(self.rows, self.cell_reflectance, self.cell_patch, len(self.patches))
-        return system.solve(direct, sky, tolerance, self.run)
+        return system.solve(direct, sky, tolerance, self.run, start)
 
     def solve_apart(self, tolerance: float) -> None:
         """Solve for each light group, after the last `solve`, to the same relative residual of its own."""

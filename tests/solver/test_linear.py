@@ -62,6 +62,19 @@ def test_the_reported_residual_is_the_true_one():
     assert result.products == len(asked)
 
 
+@pytest.mark.parametrize("off", [0.0, 1e-3])
+def test_it_goes_on_from_what_is_about_the_solution(off):
+    # From the solution itself one product tells so; from near it fewer are needed than from zero; the end is the same.
+    matrix, right = _random(200, 0.98), np.random.default_rng(2).random((200, 3))
+    exact = np.linalg.solve(np.eye(200) - matrix, right)
+    start = exact * (1 + off * np.random.default_rng(3).normal(size=exact.shape))
+    from_zero = solve_linear(lambda x: matrix @ x, right, tolerance=1e-6)
+    result = solve_linear(lambda x: matrix @ x, right, tolerance=1e-6, start=start)
+    assert result.outcome == "converged"
+    assert result.value == pytest.approx(exact, rel=1e-4)
+    assert result.products == 1 if off == 0 else result.products < from_zero.products
+
+
 def test_residuals_never_rise():
     # GMRES: the smallest residual of a growing space.
     matrix = _random(200, 0.99)
