@@ -19,6 +19,7 @@ Int = NDArray[np.integer[Any]]
 # `rays_of_places` take for a mean are those that the filter of `smooth.py` suppresses most.
 ACROSS_IMAGE = np.array([[0.77456949, 0.44942266], [0.08761461, 0.46666262]])
 
+# Tangents jump where a unit normal's third coordinate falls below this.
 LOW = np.float32(-0.5)
 
 

@@ -309,7 +309,7 @@ class Transport:
         """
         chosen = np.zeros(len(self.patches), bool)
         table = mean_of_channels(self.leaving())
-        some = [rows for rows in self.rows if rows.patch.max(initial=-1) >= since]
+        some = self._rows_since(since)
         for rows, deviation in zip(some, self.run.map(lambda rows: rows.deviation(table), some), strict=True):
             chosen[rows.patch] = deviation * weight[rows.patch] > tolerance
         chosen[wide] = True
@@ -332,11 +332,14 @@ class Transport:
         """Give patches from this number on the light that their rows find in what is solved."""
         table = self.table()
         changed = np.zeros(len(self.patches), bool)
-        for rows in self.rows:
-            if rows.patch.max(initial=-1) >= since:
-                self.irradiance[rows.patch] = rows.mean_sky() + mean_of_hits(table, rows.hits, self.run)
-                changed[rows.patch] = True
+        for rows in self._rows_since(since):
+            self.irradiance[rows.patch] = rows.mean_sky() + mean_of_hits(table, rows.hits, self.run)
+            changed[rows.patch] = True
         self._forget(np.flatnonzero(changed[self.cell_patch]))
+
+    def _rows_since(self, since: int) -> list[Rows]:
+        """The runs of rows in which patches from this number on are."""
+        return [rows for rows in self.rows if rows.patch.max(initial=-1) >= since]
 
     def wide(self, most: int) -> Int:
         """At most so many patches that hold cells of several places, in some of which lamps make peaks (see
@@ -347,8 +350,7 @@ class Transport:
     def level_noise(self, weight: Float) -> float:
         """About the standard deviation that the rows' noise gives a mean of the patches' irradiance, W/m2; `weight`
         (p,) of each patch in that mean."""
-        leaving, direct = (mean_of_channels(table)
-                           for table in (self.leaving(), padded(self.cell_direct)[:, :3]))
+        leaving, direct = mean_of_channels(self.leaving()), mean_of_channels(padded(self.cell_direct))
         return level_noise(self.rows, weight, leaving, direct)
 
     def retrace(self, rays: int) -> None:
